@@ -1,0 +1,71 @@
+"""A reference ray tracer in NumPy and Numba: right, fast, lean, and open to look at.
+
+``render`` draws a scene, ``BVH`` answers rays, ``explain`` says what a scene needs, ``compare`` measures pictures.
+Names are imported when they are first used, so that ``import raytrace`` costs next to nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from raytrace.accel.bvh import BVH
+    from raytrace.errors import FileError, OptionError, RaytraceError, SceneError
+    from raytrace.optics import reflect, refract, spawn_ray
+    from raytrace.picture import Render
+    from raytrace.records import Hits, Scene, Surface
+    from raytrace.rendering import render
+    from raytrace.report.error import compare
+    from raytrace.scene.load import load
+    from raytrace.scene.plan import explain
+
+_HOME = {
+    "BVH": "accel.bvh",
+    "FileError": "errors",
+    "Hits": "records",
+    "OptionError": "errors",
+    "RaytraceError": "errors",
+    "Render": "picture",
+    "Scene": "records",
+    "SceneError": "errors",
+    "Surface": "records",
+    "compare": "report.error",
+    "explain": "scene.plan",
+    "load": "scene.load",
+    "reflect": "optics",
+    "refract": "optics",
+    "render": "rendering",
+    "spawn_ray": "optics",
+}
+
+__all__ = [
+    "BVH",
+    "FileError",
+    "Hits",
+    "OptionError",
+    "RaytraceError",
+    "Render",
+    "Scene",
+    "SceneError",
+    "Surface",
+    "compare",
+    "explain",
+    "load",
+    "reflect",
+    "refract",
+    "render",
+    "spawn_ray",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,159 @@
+"""SIMD lanes: the vocabulary in which kernels are written, ``t = fma(plane, inv_d, c)``.
+
+One variable holds a vector register: sixteen rays, or eight boxes. The usual operators work lane by lane, scalars
+spread themselves over all lanes, a comparison gives a mask, and ``mask & mask``, ``mask | mask``, ``~mask`` combine
+them. Here every operation is a plain function with its NumPy meaning, and a register is a short NumPy array that one
+can print: so runs a kernel when the JIT is disabled. ``lanes_jit`` teaches Numba the LLVM instruction of each.
+"""
+
+from fractions import Fraction
+
+import llvmlite.binding
+import numpy as np
+
+NODE = 8  # lanes of a node: one ray against eight boxes or triangles, in either precision
+
+
+def _host_bits() -> int:
+    features = llvmlite.binding.get_host_cpu_features()
+    return 512 if features.get("avx512f") else 256 if features.get("avx2") else 128
+
+
+BITS = _host_bits()  # of one vector register of this machine
+
+
+def packet_width(a):
+    """Rays of a packet of arrays like ``a``: what fills a vector register (16, 8 or 4 float32; half for float64)."""
+    return BITS // 8 // a.itemsize
+
+
+def machine_epsilon(a):
+    """Distance from 1 to the next number of the type of ``a``."""
+    return np.finfo(a.dtype).eps
+
+
+def load(a, i, like):
+    """Elements ``i``, ``i + 1``, ... of the flat array ``a``: as many as the constant or the register ``like`` says."""
+    return a[i : i + (like if isinstance(like, int) else len(like))].copy()
+
+
+def packet(a):
+    """A register of zeros for one packet of the array ``a``."""
+    return np.zeros(packet_width(a), a.dtype)
+
+
+def store(a, i, x):
+    """Write a register to the flat array ``a`` from element ``i`` on."""
+    a[i : i + len(x)] = x
+
+
+def gather(a, index):
+    """Lane k is ``a[index[k]]``."""
+    return a[index]
+
+
+def compress(a, i, mask, x):
+    """Write the lanes of ``x`` where ``mask`` holds to the flat array ``a`` from element ``i`` on, side by side."""
+    a[i : i + np.count_nonzero(mask)] = x[mask]
+
+
+def splat(x, like):
+    """The scalar ``x`` in every lane of a register like ``like``."""
+    return np.full_like(like, x)
+
+
+def splat_int(x, like):
+    """The int32 ``x`` in as many lanes as ``like`` has."""
+    return np.full(like if isinstance(like, int) else len(like), x, np.int32)
+
+
+def lane_numbers(like):
+    """0, 1, 2, ... as int32, as many as ``like`` has lanes."""
+    return np.arange(len(like), dtype=np.int32)
+
+
+def to_real(x, like):
+    """Integers below 2**24 as floats like ``like``, exactly."""
+    return x.astype(like.dtype)
+
+
+def fma(a, b, c):
+    """``a * b + c`` with a single rounding."""
+    like = next(x for x in (a, b, c) if isinstance(x, np.ndarray))
+    rows = zip(*(np.broadcast_to(x, like.shape).tolist() for x in (a, b, c)), strict=True)
+    return np.array([_fma(*row, like.dtype.type) for row in rows], like.dtype)
+
+
+def _fma(a, b, c, dtype):
+    if not np.isfinite([a, b, c]).all() or a * b == 0.0:
+        return a * b + c
+    exact = Fraction(a) * Fraction(b) + Fraction(c)
+    if exact == 0:
+        return a * b + c
+    nearest = float(exact)
+    if dtype is np.float64 or Fraction(nearest) == exact:
+        return nearest
+    # Rounding twice is safe if the first one ends in an odd bit [Boldo and Melquiond 2008].
+    odd = np.float64(nearest).view(np.int64) & 1
+    return nearest if odd else float(np.nextafter(nearest, np.inf if exact > Fraction(nearest) else -np.inf))
+
+
+def sqrt(x):
+    """Square root, correctly rounded."""
+    return np.sqrt(x)
+
+
+def absolute(x):
+    """Magnitude; clears the sign of zeros too."""
+    return np.abs(x)
+
+
+def reverse_bits(x):
+    """uint32 with its bits in opposite order."""
+    return np.array([int(f"{value:032b}"[::-1], 2) for value in x.tolist()], np.uint32)
+
+
+def minimum(a, b):
+    """``a if a < b else b``: where either is NaN, ``b``."""
+    return np.where(a < b, a, b).astype(np.result_type(a, b))
+
+
+def maximum(a, b):
+    """``a if a > b else b``: where either is NaN, ``b``."""
+    return np.where(a > b, a, b).astype(np.result_type(a, b))
+
+
+def select(mask, a, b):
+    """``a`` where the mask holds, else ``b``."""
+    return np.where(mask, a, b).astype(np.result_type(a, b))
+
+
+def power_of_two(x):
+    """The largest power of two that is at most ``|x|``: its exponent bits alone; 0 for zero and denormal numbers."""
+    power = np.ldexp(np.ones_like(x), np.frexp(x)[1] - 1)
+    return np.where(np.abs(x) < np.finfo(x.dtype).tiny, 0, power).astype(x.dtype)
+
+
+def bits(mask):
+    """The mask as an integer: bit k is lane k."""
+    return sum(1 << k for k, true in enumerate(mask.tolist()) if true)
+
+
+def count(mask):
+    """How many lanes of the mask are true."""
+    return int(np.count_nonzero(mask))
+
+
+def lane_min(x):
+    """Smallest lane; none may be NaN."""
+    return x.min()
+
+
+def lane_max(x):
+    """Largest lane; none may be NaN."""
+    return x.max()
+
+
+def first_bit(x):
+    """Number of the lowest bit that is set; ``x`` is not 0."""
+    return (x & -x).bit_length() - 1

@@ -1,0 +1,121 @@
+"""Rays against triangles: the watertight test, and the course's Moller-Trumbore to compare with."""
+
+from typing import NamedTuple
+
+from numba.extending import overload
+
+from raytrace.accel.lanes import absolute, bits, fma, maximum, minimum, select
+from raytrace.jit import inlined
+from raytrace.records import MollerTrumboreLeaves, WatertightLeaves
+
+MIN_DETERMINANT = 1e-5  # Moller-Trumbore only: the course's absolute threshold, in user units
+
+
+class Frame(NamedTuple):
+    """Rays in axes of their own, the dominant one last; lanes, or scalars for one ray.
+
+    With (x, y, z) so permuted, the shear x' = x + sx z, y' = y + sy z turns the ray into the z axis.
+    """
+
+    ox: float
+    oy: float
+    oz: float
+    dx: float
+    dy: float
+    dz: float
+    sx: float  # -dx / dz
+    sy: float  # -dy / dz
+    scale: float  # d is scaled to a largest component in [1, 2): this times d is the user's direction
+
+
+@inlined
+def edge(px, py, qx, qy):
+    """Twice the signed area of (origin, p, q). Rounding keeps order, so its sign is exact unless the products tie."""
+    return px * qy - py * qx
+
+
+@inlined
+def edge_tie(area, px, py, qx, qy):
+    """``area``, but where it is zero the difference of the products' rounding errors, which has the exact sign."""
+    return select(area == 0.0, fma(px, qy, -(px * qy)) - fma(py, qx, -(py * qx)), area)
+
+
+@inlined
+def same_side(u, v, w):
+    """None of three areas lies on the other side of zero than the others."""
+    return (minimum(minimum(u, v), w) >= 0.0) | (maximum(maximum(u, v), w) <= 0.0)
+
+
+@inlined
+def watertight(frame, v0, v1, v2, n):
+    """Mask, t, u, v of rays and triangles; t, u, v are meaningless where the mask is False.
+
+    Inclusion after Woop, Benthin and Wald 2013: neighbours see the same sheared vertices, and so agree exactly about
+    their shared edge. Distance from the plane: h = sum b_i v_i' has x = y = 0 but for the rounding of the weights b,
+    which moves h within the plane; the ray itself meets it at z = h_z + (n_x h_x + n_y h_y) / (n . d / d_z).
+    """
+    az = v0[2] - frame.oz
+    bz = v1[2] - frame.oz
+    cz = v2[2] - frame.oz
+    ax = fma(frame.sx, az, v0[0] - frame.ox)
+    ay = fma(frame.sy, az, v0[1] - frame.oy)
+    bx = fma(frame.sx, bz, v1[0] - frame.ox)
+    by = fma(frame.sy, bz, v1[1] - frame.oy)
+    cx = fma(frame.sx, cz, v2[0] - frame.ox)
+    cy = fma(frame.sy, cz, v2[1] - frame.oy)
+    a = edge(cx, cy, bx, by)
+    b = edge(ax, ay, cx, cy)
+    c = edge(bx, by, ax, ay)
+    inside = same_side(a, b, c)
+    if bits(inside) == 0:
+        return inside, a, b, c
+    if bits(inside & ((a == 0.0) | (b == 0.0) | (c == 0.0))) != 0:
+        a = edge_tie(a, cx, cy, bx, by)
+        b = edge_tie(b, ax, ay, cx, cy)
+        c = edge_tie(c, bx, by, ax, ay)
+        inside = same_side(a, b, c)
+    area = a + b + c
+    inside = inside & (absolute(area) > 0.0)  # zero: the ray lies in the plane; NaN: a miss
+    scale = 1.0 / area
+    a = a * scale
+    b = b * scale
+    c = c * scale
+    hx = fma(a, ax, fma(b, bx, c * cx))
+    hy = fma(a, ay, fma(b, by, c * cy))
+    hz = fma(a, az, fma(b, bz, c * cz))
+    slope = n[2] - fma(n[0], frame.sx, n[1] * frame.sy)
+    z = hz + fma(n[0], hx, n[1] * hy) / slope
+    z = maximum(minimum(z, maximum(maximum(az, bz), cz)), minimum(minimum(az, bz), cz))
+    return inside, z / frame.dz, b, c
+
+
+@inlined
+def moller_trumbore(frame, v0, v1, v2, n):
+    """Mask, t, u, v of Moller and Trumbore 1997, with the course's threshold: small or grazed triangles vanish."""
+    e1x, e1y, e1z = v1[0] - v0[0], v1[1] - v0[1], v1[2] - v0[2]
+    e2x, e2y, e2z = v2[0] - v0[0], v2[1] - v0[1], v2[2] - v0[2]
+    px = frame.dy * e2z - frame.dz * e2y
+    py = frame.dz * e2x - frame.dx * e2z
+    pz = frame.dx * e2y - frame.dy * e2x
+    det = e1x * px + e1y * py + e1z * pz
+    scale = 1.0 / det
+    sx, sy, sz = frame.ox - v0[0], frame.oy - v0[1], frame.oz - v0[2]
+    u = (sx * px + sy * py + sz * pz) * scale
+    qx = sy * e1z - sz * e1y
+    qy = sz * e1x - sx * e1z
+    qz = sx * e1y - sy * e1x
+    v = (frame.dx * qx + frame.dy * qy + frame.dz * qz) * scale
+    inside = (absolute(det) * frame.scale >= MIN_DETERMINANT) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
+    return inside, (e2x * qx + e2y * qy + e2z * qz) * scale, u, v
+
+
+def intersect(leaves, frame, v0, v1, v2, n):
+    """The test that the kind of leaves stands for."""
+    test = watertight if isinstance(leaves, WatertightLeaves) else moller_trumbore
+    return test(frame, v0, v1, v2, n)
+
+
+@overload(intersect, inline="always")
+def _intersect(leaves, frame, v0, v1, v2, n):
+    test = {WatertightLeaves: watertight, MollerTrumboreLeaves: moller_trumbore}[leaves.instance_class]
+    return lambda leaves, frame, v0, v1, v2, n: test(frame, v0, v1, v2, n)

@@ -1,0 +1,108 @@
+"""Options of the command line: each parser of a value says what it expected and what it got."""
+
+from argparse import ArgumentParser, ArgumentTypeError
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+LAYERS = ("depth", "normal", "albedo", "prim_id", "position", "samples")
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Name the known word that was probably meant, as the end of a message; nothing where none is close.
+
+    >>> suggestion("sobl", ["sobol", "stratified"])
+    "; did you mean 'sobol'?"
+    """
+    from difflib import get_close_matches
+
+    return "".join(f"; did you mean '{match}'?" for match in get_close_matches(word, list(known), 1))
+
+
+def whole_number(low: int, high: int = 2**31 - 1) -> Callable[[str], int]:
+    """Parse a whole number from `low` to `high`."""
+
+    def parse(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            value = low - 1
+        if not low <= value <= high:
+            raise ArgumentTypeError(f"expected a whole number from {low} to {high}, got '{text}'")
+        return value
+
+    return parse
+
+
+def real_number(low: float, high: float) -> Callable[[str], float]:
+    """Parse a number from `low` to `high`."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not low <= value <= high:  # NaN is out of any range
+            raise ArgumentTypeError(f"expected a number from {low:g} to {high:g}, got '{text}'")
+        return value
+
+    return parse
+
+
+def whole_numbers(form: str, separator: str, lows: tuple[int, ...]) -> Callable[[str], tuple[int, ...]]:
+    """Parse whole numbers with a separator between them, each at least its own lower bound.
+
+    >>> whole_numbers("WxH", "x", (1, 1))("640x480")
+    (640, 480)
+    """
+
+    def parse(text: str) -> tuple[int, ...]:
+        try:
+            values = tuple(int(part) for part in text.lower().split(separator))
+        except ValueError:
+            values = ()
+        if len(values) != len(lows) or any(value < low for value, low in zip(values, lows, strict=True)):
+            bounds = ", ".join(str(low) for low in lows)
+            raise ArgumentTypeError(f"expected {form}, whole numbers of at least {bounds}, got '{text}'")
+        return values
+
+    return parse
+
+
+def one_of(*known: str) -> Callable[[str], str]:
+    """Parse one of a few words, with a suggestion for a misspelt one."""
+
+    def parse(text: str) -> str:
+        if text not in known:
+            raise ArgumentTypeError(f"expected {', '.join(known)}, got '{text}'{suggestion(text, known)}")
+        return text
+
+    return parse
+
+
+def layers(text: str) -> tuple[str, ...]:
+    """Parse names of layers with commas between them."""
+    return tuple(map(one_of(*LAYERS), text.split(",")))
+
+
+RENDER_OPTIONS = ("spp", "size", "crop", "seed", "precision", "sampler", "threads", "time_limit", "aov")
+
+
+def render_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``render``."""
+    add = parser.add_argument
+    add("scene", type=Path, help="scene file (JSON)")
+    add("-o", "--output", type=Path, metavar="FILE", help=".png, .exr or .npz (default: ./<scene>.png)")
+    add("--spp", type=whole_number(1), metavar="N", help="samples per pixel (default: the scene's)")
+    add("--size", type=whole_numbers("WxH", "x", (1, 1)), metavar="WxH", help="film, pixels (default: the scene's)")
+    window = whole_numbers("X,Y,W,H", ",", (0, 0, 1, 1))
+    add("--crop", type=window, metavar="X,Y,W,H", help="only these pixels, from column X and row Y on")
+    add("--seed", type=whole_number(0, 2**32 - 1), metavar="N", help="random numbers (default: the scene's)")
+    add("--precision", type=one_of("auto", "float32", "float64"), metavar="P", help="auto, float32 or float64")
+    samplers = one_of("sobol", "stratified", "independent")
+    add("--sampler", type=samplers, metavar="NAME", help="sobol, stratified or independent")
+    add("--threads", type=whole_number(1, 4096), metavar="N", help="(default: one a core); no effect on the picture")
+    add("--time-limit", type=real_number(1e-3, 1e9), metavar="SECONDS", help="stop then and save what is finished")
+    add("--aov", type=layers, default=(), metavar="A,B", help=f"layers of an .exr or .npz: {', '.join(LAYERS)}")
+    add("--exposure", type=real_number(-100, 100), default=0.0, metavar="STOPS", help="of a .png: light x 2^STOPS")
+    add("--quiet", action="store_true", help="no progress and no messages, only errors")
+    add("--json", action="store_true", help="print one JSON object: path, seconds, statistics")

@@ -1,0 +1,268 @@
+"""The command line: verbs, messages and exit codes. The only file that prints.
+
+Nothing heavy is imported before the command is known to need it, so ``--help`` and mistakes answer at once.
+"""
+
+import os
+import sys
+import time
+from argparse import ArgumentError, ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple, TextIO
+
+import raytrace
+from raytrace.arguments import RENDER_OPTIONS, real_number, render_options, suggestion
+from raytrace.errors import RaytraceError
+from raytrace.terminal import INTERRUPTED, Reporter, at_terminal, second_interrupt_leaves, speed
+
+DONE, INTERNAL, USAGE, FILE, DIFFERENT = 0, 1, 2, 4, 5  # 3, an invalid scene, is SceneError.exit_code
+EXAMPLES = """\
+examples:
+  raytrace scenes/cornell-box.json                             writes cornell-box.png
+  raytrace scene.json -o a.exr --spp 256 --aov depth,normal    more samples; linear light with layers
+  raytrace explain scene.json                                  what the scene needs, and what is left out
+"""
+
+# Streams --------------------------------------------------------------------------------------------------------------
+
+
+def _drain(stream: TextIO) -> None:
+    """Flush; what a full disk or a reader that has gone does not take, goes nowhere."""
+    try:
+        stream.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def _say(line: str) -> None:
+    """Print a message on stderr."""
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except BrokenPipeError:
+        _drain(sys.stderr)
+
+
+def _silence(_line: str) -> None:
+    """Take the place of `_say` under ``--quiet``."""
+
+
+def _print_json(value: Any) -> None:
+    import json
+    import math
+
+    def plain(value: Any) -> Any:
+        value = value.tolist() if hasattr(value, "tolist") else value  # NumPy's numbers and arrays
+        if isinstance(value, Mapping):
+            return {str(key): plain(item) for key, item in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(item) for item in value]
+        if isinstance(value, float) and not math.isfinite(value):
+            return None  # JSON has neither inf nor NaN
+        return value if isinstance(value, str | int | float | None) else str(value)
+
+    print(json.dumps(plain(value)))
+
+
+# render ---------------------------------------------------------------------------------------------------------------
+
+
+def _render(args: Namespace) -> int:
+    from raytrace.image import check_path
+
+    began = time.perf_counter()
+    path = check_path(args.output or f"{args.scene.stem}.png")  # before time is spent on rendering
+    if args.aov and path.suffix.lower() == ".png":
+        raise ArgumentError(None, f"--aov: a PNG has no room for layers; use -o {path.stem}.exr or {path.stem}.npz")
+    say = _silence if args.quiet else _say
+    with second_interrupt_leaves():
+        scene = raytrace.load(args.scene)
+        for warning in scene.warnings:
+            say(f"warning: {warning}")
+        with Reporter(say, bar=at_terminal() and not args.quiet) as reporter:
+            image = raytrace.render(scene, progress=reporter, **{key: getattr(args, key) for key in RENDER_OPTIONS})
+        if image.interrupted and not image.aov["samples"].any():
+            _say("interrupted before any part was finished; nothing was saved")
+            return INTERRUPTED
+        image.save(path, exposure=args.exposure)
+    seconds = time.perf_counter() - began
+    if not image.complete:
+        say(f"{'interrupted' if image.interrupted else 'time limit reached'}; the finished part is saved")
+    if reporter.last:
+        say(f"{seconds:.2f} s, {speed(reporter.last)}")
+    if args.json:
+        outcome = {"path": str(path), "seconds": seconds, "complete": image.complete}
+        _print_json(outcome | {"stats": image.stats, "provenance": image.provenance})
+    else:
+        print(path)
+    return INTERRUPTED if image.interrupted else DONE
+
+
+# The other verbs ------------------------------------------------------------------------------------------------------
+
+
+def _scene_option(parser: ArgumentParser) -> None:
+    parser.add_argument("scene", type=Path, help="scene file (JSON)")
+
+
+def _explain(args: Namespace) -> int:
+    print(raytrace.explain(raytrace.load(args.scene)))
+    return DONE
+
+
+def _check(args: Namespace) -> int:
+    scene = raytrace.load(args.scene)
+    for warning in scene.warnings:
+        print(f"warning: {warning}")
+    print(f"{args.scene}: ok")
+    return DONE
+
+
+def _compare_options(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("image", type=Path, help="picture to judge: .exr, .npz or .png")
+    add("reference", type=Path, help="picture to judge it by")
+    limit = real_number(0, float("inf"))
+    add("--max-rmse", type=limit, metavar="X", help="root of the mean squared difference, linear light")
+    add("--min-ssim", type=real_number(-1, 1), metavar="X", help="structural similarity, 1 is equal")
+    add("--max-bias", type=limit, metavar="X", help="relative difference of a channel's mean")
+    add("--max-worst-tile", type=limit, metavar="X", help="difference of the worst 8 x 8 tile")
+    add("--max-outliers", type=real_number(0, 1), metavar="X", help="share of pixels that stand out")
+    add("--json", action="store_true", help="print one JSON object")
+
+
+def _compare(args: Namespace) -> int:
+    from raytrace.report.error import Limits, violations
+
+    try:
+        measured = raytrace.compare(args.image, args.reference)
+    except ValueError as error:  # of different size
+        _say(f"{args.image}, {args.reference}: {error}")
+        return DIFFERENT
+    broken = violations(measured, Limits(**{name: getattr(args, name) for name in Limits._fields}))
+    if args.json:
+        _print_json(measured._asdict() | {"violations": broken})
+    else:
+        for name, value in measured._asdict().items():
+            print(f"{name:<14}", *(f"{part:.6g}" for part in (value if isinstance(value, tuple) else (value,))))
+    for line in broken:
+        _say(line)
+    return DIFFERENT if broken else DONE
+
+
+def _schema(_args: Namespace) -> int:
+    from raytrace.scene import schema_text
+
+    print(schema_text().rstrip())
+    return DONE
+
+
+def _warmup(_args: Namespace) -> int:
+    from raytrace.rendering import warmup
+
+    began = time.perf_counter()
+    with Reporter(_say, bar=False) as reporter:
+        warmup(reporter)
+    print(f"kernels ready after {time.perf_counter() - began:.1f} s")
+    return DONE
+
+
+def _doctor(_args: Namespace) -> int:
+    from raytrace.doctor import findings
+
+    for name, value in findings():
+        print(f"{name:<14}{value}")
+    return DONE
+
+
+# The door -------------------------------------------------------------------------------------------------------------
+
+
+class Verb(NamedTuple):
+    """A word that the command line knows."""
+
+    about: str
+    run: Callable[[Namespace], int]
+    options: Callable[[ArgumentParser], None] = lambda _parser: None
+
+
+VERBS = {
+    "render": Verb("draw a scene; may be left out", _render, render_options),
+    "explain": Verb("show what a scene needs, what is left out, and why", _explain, _scene_option),
+    "check": Verb("check a scene and its meshes without drawing", _check, _scene_option),
+    "compare": Verb("measure how far a picture is from a reference", _compare, _compare_options),
+    "schema": Verb("print the JSON Schema of scene files", _schema),
+    "warmup": Verb("compile all kernels now", _warmup),
+    "doctor": Verb("show versions, processor, cache and optional packages", _doctor),
+}
+
+
+def _parser(name: str, verb: Verb) -> ArgumentParser:
+    parser = ArgumentParser(
+        prog="raytrace" if name == "render" else f"raytrace {name}",
+        description=verb.about,
+        formatter_class=RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    if name == "render":
+        words = "".join(f"  {word:<10}{known.about}\n" for word, known in VERBS.items())
+        parser.description = f"Draw a scene.\n\n{EXAMPLES}\nverbs (raytrace VERB --help):\n{words}"
+        parser.add_argument("--version", action="version", version=f"raytrace {raytrace.__version__}")
+    verb.options(parser)
+    return parser
+
+
+def _run(words: list[str]) -> int:
+    first = words[0] if words and not words[0].startswith("-") else ""
+    if first in VERBS:
+        return VERBS[first].run(_parser(first, VERBS[first]).parse_args(words[1:]))
+    meant = suggestion(first, VERBS)
+    if meant and not Path(first).suffix and not Path(first).exists():
+        raise ArgumentError(None, f"'{first}' is neither a verb nor a file{meant}")
+    return VERBS["render"].run(_parser("render", VERBS["render"]).parse_args(words))
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one command.
+
+    Parameters
+    ----------
+    argv : list of str, optional
+        The words after the program's name; by default those of this process.
+
+    Returns
+    -------
+    int
+        Exit code: 0 done, 1 internal failure, 2 command line (argparse itself leaves with it), 3 invalid scene,
+        4 unreadable or unwritable file, 5 comparison failed, 130 interrupted.
+
+    Examples
+    --------
+    >>> main(["no-such-scene.json", "--output", "picture.png"])
+    4
+    """
+    try:
+        code = _run(sys.argv[1:] if argv is None else argv)
+        sys.stdout.flush()  # a full disk or a closed pipe shows here, not at exit
+        return code
+    except RaytraceError as error:
+        _say(str(error))
+        return error.exit_code
+    except ArgumentError as error:
+        _say(f"raytrace: error: {error}")
+        return USAGE
+    except KeyboardInterrupt:
+        _say("interrupted; nothing was saved")
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of stdout has seen enough
+        _drain(sys.stdout)
+        return DONE
+    except OSError as error:
+        _drain(sys.stdout)
+        _say(f"{error.filename or 'output'}: {error.strerror or error}")
+        return FILE
+    except Exception as error:
+        if os.environ.get("RAYTRACE_DEBUG"):
+            raise
+        _say(f"internal failure: {type(error).__name__}: {error}; please report it (RAYTRACE_DEBUG=1 shows where)")
+        return INTERNAL

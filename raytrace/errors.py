@@ -1,0 +1,35 @@
+"""The mistakes a user can make, each with the exit code that the command line gives it."""
+
+
+class RaytraceError(Exception):
+    """Base of every error that is the user's to mend; its text is the whole message, one line a problem."""
+
+    exit_code = 1
+
+
+class SceneError(RaytraceError, ValueError):
+    """A scene or mesh whose content is wrong.
+
+    Parameters
+    ----------
+    problems : list of str
+        One line a problem: ``file:line:column: path: what is wrong, and the fix``.
+    """
+
+    exit_code = 3
+
+    def __init__(self, problems: list[str]) -> None:
+        self.problems = list(problems)
+        super().__init__("\n".join(self.problems))
+
+
+class FileError(RaytraceError, OSError):
+    """A file that can't be read or written: ``path: what is wrong, and the fix``."""
+
+    exit_code = 4
+
+
+class OptionError(RaytraceError, ValueError):
+    """An option of a call or of the command line that can't be met: ``option: what is wrong``."""
+
+    exit_code = 2

@@ -1,0 +1,298 @@
+"""Pictures: linear radiance to sRGB and back; PNG, EXR and NPZ files that say where they came from.
+
+- ``.png``: 8-bit sRGB, no layers; provenance in text chunks ``raytrace:<key>``.
+- ``.exr``: float32 channels as in `CHANNELS`, ZIP; provenance in attributes ``raytrace:<key>``.
+- ``.npz``: ``rgb`` and each layer an array under its own name; ``provenance`` one JSON text.
+
+A provenance value in a PNG or EXR is JSON, so that text and numbers come back as what they were. The whole numbers
+``prim_id`` and ``samples`` are UINT in an EXR, bit for bit: a miss, -1, is 4294967295 there. The same content always
+gives the same bytes.
+"""
+
+import contextlib
+import io
+import json
+import os
+import secrets
+import struct
+import zipfile
+import zlib
+from collections.abc import Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from raytrace.errors import FileError
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # (3,) f8: Y of linear Rec. 709 and sRGB primaries   [ITU-R BT.709-6]
+MAX_STOPS = 100.0  # |exposure|: 2**100 leads from the middle of the float32 range almost to its end; more is a mistake
+KEY = "raytrace:"  # before every provenance key in PNG and EXR files
+NOTHING: Mapping[str, Any] = MappingProxyType({})
+CHANNELS: dict[str, tuple[str, ...]] = {  # of an EXR, as <layer>.<channel>
+    "rgb": ("R", "G", "B"),
+    "stderr": ("stderr.Y",),
+    "depth": ("depth.Z",),
+    "normal": ("normal.X", "normal.Y", "normal.Z"),
+    "albedo": ("albedo.R", "albedo.G", "albedo.B"),
+    "prim_id": ("prim_id.id",),
+    "position": ("position.X", "position.Y", "position.Z"),
+    "samples": ("samples.n",),
+}
+WHOLE = ("prim_id", "samples")  # int32; the others are float32
+# what Pillow, OpenEXR and NumPy raise for a broken file; found by cutting files and flipping their bytes, 1500 of each
+BROKEN = (ValueError, KeyError, SyntaxError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
+Contents = tuple[dict[str, NDArray[Any]], dict[str, Any]]  # arrays by name, provenance
+
+
+class Picture(NamedTuple):
+    """What a picture file holds."""
+
+    rgb: NDArray[np.float32]  # (h, w, 3) f4, linear radiance, row 0 at the top
+    stderr: NDArray[np.float32] | None  # (h, w) f4, standard error of the pixel's luminance; None: not in the file
+    aov: dict[str, NDArray[Any]]  # by name: (h, w) or (h, w, 3), f4 or i4
+    provenance: dict[str, Any]  # where the picture came from: version, seed, spp, ...
+
+
+def srgb_encode(linear: ArrayLike) -> NDArray[np.float64]:
+    """Turn linear light into sRGB code values; 0..1 maps to 0..1, below zero the straight part goes on.
+
+    >>> srgb_encode([0.0, 0.5, 1.0]).round(4).tolist()
+    [0.0, 0.7354, 1.0]
+    """
+    x = np.asarray(linear, np.float64)
+    # 12.92 x, or 1.055 x^(1 / 2.4) - 0.055 above 0.0031308   [IEC 61966-2-1]
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0) ** (1 / 2.4) - 0.055)
+
+
+def srgb_decode(code: ArrayLike) -> NDArray[np.float64]:
+    """Turn sRGB code values 0..1 into linear light: the inverse of `srgb_encode`."""
+    x = np.asarray(code, np.float64)
+    return np.where(x <= 0.04045, x / 12.92, ((np.maximum(x, 0.0) + 0.055) / 1.055) ** 2.4)
+
+
+def srgb8(rgb: ArrayLike, exposure: float = 0.0) -> NDArray[np.uint8]:
+    """Turn linear radiance into 8-bit sRGB: ``floor(255 encode(clip(rgb 2**exposure, 0, 1)) + 1/2)``.
+
+    NaN becomes 0, inf 255. `rgb` has any shape; `exposure` is in stops, -100..100, else a ValueError.
+
+    >>> srgb8([0.0, 0.5, 2.0]).tolist()
+    [0, 188, 255]
+    """
+    if not abs(exposure) <= MAX_STOPS:
+        raise ValueError(f"exposure: expected stops from {-MAX_STOPS:g} to {MAX_STOPS:g}, got {exposure!r}")
+    white = 2.0**-exposure
+    linear = np.nan_to_num(np.clip(np.asarray(rgb, np.float64), 0.0, white) / white)  # NaN to 0
+    return (255.0 * srgb_encode(linear) + 0.5).astype(np.uint8)
+
+
+def png_bytes(rgb: ArrayLike, provenance: Mapping[str, Any] = NOTHING, exposure: float = 0.0) -> bytes:
+    """Encode (h, w, 3) linear radiance as an 8-bit PNG; `load` undoes the exposure, in stops.
+
+    Raises
+    ------
+    ValueError
+        The shape isn't (h, w, 3), or the exposure is out of range.
+    """
+    from PIL import Image, PngImagePlugin  # 0.02 s: only where a picture is written
+
+    info = PngImagePlugin.PngInfo()
+    info.add(b"sRGB", b"\0")  # rendering intent 0, perceptual; gAMA, 1 / 2.2, for readers without it   [PNG, 11.3.2.5]
+    info.add(b"gAMA", struct.pack(">I", 45455))
+    for key, text in _to_texts({**provenance, "exposure": exposure}).items():
+        info.add_text(key, text)
+    stream = io.BytesIO()
+    Image.fromarray(srgb8(_checked({"rgb": rgb})["rgb"], exposure)).save(stream, "PNG", pnginfo=info)
+    return stream.getvalue()
+
+
+def check_path(path: str | os.PathLike[str]) -> Path:
+    """Check that a picture can be written to `path`, before a render is lost; nothing is created.
+
+    Raises
+    ------
+    FileError
+        An unknown extension, a missing or read-only folder, a folder at `path`, EXR without the OpenEXR package.
+    """
+    path = Path(path)
+    _suffix(path)
+    if os.path.isdir(path):  # False, where Path.is_dir raises, for a name too long
+        raise FileError(f"{path}: is a folder; give the name of a file in it")
+    if not os.path.isdir(path.parent):
+        raise FileError(f"{path}: there is no folder {path.parent}; create it first")
+    if not os.access(path.parent, os.W_OK):
+        raise FileError(f"{path}: no permission to write in the folder {path.parent}; choose another one")
+    return path
+
+
+def save(
+    path: str | os.PathLike[str],
+    rgb: ArrayLike,
+    *,
+    stderr: ArrayLike | None = None,
+    aov: Mapping[str, ArrayLike] = NOTHING,
+    provenance: Mapping[str, Any] = NOTHING,
+    exposure: float = 0.0,
+) -> Path:
+    """Write a picture; the extension picks the format. The file appears whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        Ends in .png, .exr or .npz.
+    rgb : (h, w, 3) array of float
+        Linear radiance, row 0 at the top; float32 in the file.
+    stderr : (h, w) array of float, optional
+        Standard error of the pixel's luminance.
+    aov : mapping of str to array
+        ``depth prim_id samples`` (h, w), ``normal albedo position`` (h, w, 3).
+    provenance : mapping of str to str, int or float
+        Where the picture comes from.
+    exposure : float
+        Stops, for PNG; the others hold the radiance itself.
+
+    Raises
+    ------
+    FileError
+        The file can't be written; one line says why.
+    ValueError
+        An array of the wrong shape, an unknown AOV, an exposure out of range.
+    """
+    path = check_path(path)
+    arrays = _checked({"rgb": rgb, **({} if stderr is None else {"stderr": stderr}), **aov})
+    if path.suffix.lower() == ".png":
+        _replace(path, png_bytes(rgb, provenance, exposure))
+    else:
+        encode = _exr_bytes if path.suffix.lower() == ".exr" else _npz_bytes
+        _replace(path, encode(arrays, provenance))
+    return path
+
+
+def load(path: str | os.PathLike[str]) -> Picture:
+    """Read a picture: a PNG of 8 bits a channel (alpha is ignored), an EXR with R, G and B, or an NPZ of ours.
+
+    Raises
+    ------
+    FileError
+        The file is missing, broken, or of another kind; one line says which.
+    """
+    path = Path(path)
+    read = {".png": _read_png, ".exr": _read_exr, ".npz": _read_npz}[_suffix(path)]
+    try:
+        arrays, provenance = read(path.read_bytes())
+    except OSError as error:  # with a strerror: of the system; without: Pillow's
+        raise FileError(f"{path}: can't be read: {error.strerror or 'not a whole PNG picture'}") from error
+    except BROKEN as error:
+        reason = str(error).partition("\n")[0] or type(error).__name__
+        raise FileError(f"{path}: not a whole {path.suffix[1:].upper()} picture: {reason}") from error
+    return Picture(arrays.pop("rgb"), arrays.pop("stderr", None), arrays, provenance)
+
+
+def _suffix(path: Path) -> str:
+    suffix = path.suffix.lower()
+    if suffix not in (".png", ".exr", ".npz"):
+        raise FileError(f"{path}: unknown kind of picture {suffix!r}; use .png, .exr or .npz")
+    if suffix == ".exr" and find_spec("OpenEXR") is None:
+        raise FileError(f'{path}: EXR needs OpenEXR: pip install "raytrace[exr]"; or use .npz')
+    return suffix
+
+
+def _checked(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
+    if unknown := arrays.keys() - CHANNELS.keys():
+        raise ValueError(f"unknown layers {sorted(unknown)}; the known ones are {', '.join(CHANNELS)}")
+    if "rgb" not in arrays:
+        raise ValueError("no colour: an EXR has channels R, G and B, an NPZ an array rgb")
+    size = np.shape(arrays["rgb"])[:2]
+    checked = {name: np.asarray(array, np.int32 if name in WHOLE else np.float32) for name, array in arrays.items()}
+    for name, array in checked.items():
+        shape = (*size, 3) if len(CHANNELS[name]) == 3 else size
+        if array.shape != shape or len(size) < 2 or array.size == 0:
+            expected = "(height, width, 3)" if name == "rgb" else f"{shape}, as rgb has it"
+            raise ValueError(f"{name}: expected shape {expected}, got {array.shape}")
+    return checked
+
+
+def _replace(path: Path, data: bytes) -> None:
+    # os.replace is atomic within a folder: others see the old file or the new one, never a part
+    temporary = path.with_name(f".{secrets.token_hex(8)}.tmp")
+    try:
+        with open(temporary, "xb") as stream:
+            stream.write(data)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise FileError(f"{path}: can't be written: {error.strerror}") from error
+    finally:
+        with contextlib.suppress(OSError):  # in its place already, or never made
+            temporary.unlink()
+
+
+def _to_texts(provenance: Mapping[str, Any]) -> dict[str, str]:
+    return {KEY + key: json.dumps(value) for key, value in provenance.items()}
+
+
+def _from_texts(texts: Mapping[Any, Any]) -> dict[str, Any]:
+    ours = [key for key, text in texts.items() if isinstance(text, str) and str(key).startswith(KEY)]
+    return {key.removeprefix(KEY): json.loads(texts[key]) for key in ours}
+
+
+def _read_png(data: bytes) -> Contents:
+    from PIL import Image
+
+    try:
+        picture = Image.open(io.BytesIO(data), formats=["PNG"])
+    except Image.DecompressionBombError as error:  # an Exception and no more
+        raise ValueError(str(error)) from error
+    if picture.mode.startswith("I"):
+        raise ValueError("16 bits a channel; use 8 bits, .exr or .npz")
+    code = np.asarray(picture.convert("RGB")) / 255.0
+    provenance = _from_texts(picture.info)
+    stops = float(provenance.pop("exposure", 0.0))
+    return _checked({"rgb": srgb_decode(code) * 2.0**-stops}), provenance
+
+
+def _exr_bytes(arrays: Mapping[str, NDArray[Any]], provenance: Mapping[str, Any]) -> bytes:
+    import OpenEXR
+
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **_to_texts(provenance)}
+    channels: dict[str, NDArray[Any]] = {}
+    for name, array in arrays.items():
+        planes = np.moveaxis(np.atleast_3d(array), 2, 0).copy()
+        bits = np.uint32 if name in WHOLE else np.float32  # OpenEXR has no signed whole numbers
+        channels.update(zip(CHANNELS[name], planes.view(bits), strict=True))
+    stream = io.BytesIO()
+    with OpenEXR.File(header, channels) as file:
+        file.write(stream)
+    return stream.getvalue()
+
+
+def _read_exr(data: bytes) -> Contents:
+    import OpenEXR
+
+    with contextlib.redirect_stdout(None):  # OpenEXR prints there what is wrong with a broken file
+        file = OpenEXR.File(io.BytesIO(data), separate_channels=True)
+    if not file.parts:
+        raise ValueError("broken, or cut short")
+    planes = {name: channel.pixels for name, channel in file.channels().items()}
+    arrays = {}
+    for name, channels in CHANNELS.items():
+        if planes.keys() >= set(channels):
+            stack = np.stack([planes[channel] for channel in channels], axis=2)
+            bits = stack.view(np.int32) if stack.dtype == np.uint32 else stack
+            arrays[name] = bits if len(channels) == 3 else bits[:, :, 0]
+    return _checked(arrays), _from_texts(file.header())
+
+
+def _npz_bytes(arrays: Mapping[str, NDArray[Any]], provenance: Mapping[str, Any]) -> bytes:
+    stream = io.BytesIO()  # NumPy dates the members 1980-01-01: no clock in the bytes
+    members: dict[str, Any] = {**arrays, "provenance": np.array(json.dumps(dict(provenance)))}
+    np.savez_compressed(stream, **members)
+    return stream.getvalue()
+
+
+def _read_npz(data: bytes) -> Contents:
+    with np.load(io.BytesIO(data), allow_pickle=False) as file:
+        arrays = _checked({name: file[name] for name in CHANNELS if name in file})
+        return arrays, json.loads(str(file["provenance"])) if "provenance" in file else {}

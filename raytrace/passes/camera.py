@@ -1,0 +1,54 @@
+"""First pass: from pixels and samples to rays."""
+
+import numpy as np
+
+from raytrace.accel.lanes import load, packet, packet_width, sqrt, store, to_real
+from raytrace.jit import kernel
+from raytrace.passes.sampling import film_sample, pixel_key
+from raytrace.records import Camera, View
+
+
+def make_view(camera: Camera, size: tuple[int, int], dtype: np.dtype) -> View:
+    """The camera for a film of ``size`` (width, height): square pixels, ``fov`` spans the height."""
+    forward = camera.look_at - camera.position
+    forward = forward / np.linalg.norm(forward)
+    right = np.cross(forward, camera.up / np.linalg.norm(camera.up))
+    right = right / np.linalg.norm(right)
+    pixel = 2.0 * np.tan(np.radians(camera.fov) / 2.0) / size[1]
+    vectors = camera.position, forward, pixel * right, pixel * np.cross(forward, right), np.array(size) / 2.0
+    return View(*(np.asarray(vector, dtype) for vector in vectors))
+
+
+@kernel
+def camera_rays(view, sampler, x, y, samples, d):
+    """Directions of rays through samples of pixels; ray number = sample * len(x) + pixel.
+
+    Parameters
+    ----------
+    view : View
+    sampler : Sobol, Stratified or Independent
+    x, y : (m,) uint32 arrays, pixels
+        Full packets of pixels of the film, neighbours beside each other.
+    samples : (2,) int64 array
+        First sample and the one after the last.
+    d : (3n,) f array
+        Is given the unit directions.
+    """
+    like = packet(d)
+    count, n = len(x), len(d) // 3
+    first = samples[0]
+    for j in range(0, count, packet_width(d)):
+        column, row = load(x, j, like), load(y, j, like)
+        pixel = pixel_key(sampler.seed, column, row)
+        left, top = to_real(column, like) - view.centre[0], to_real(row, like) - view.centre[1]
+        for sample in range(first, samples[1]):
+            u, v = film_sample(sampler, pixel, sample, like)
+            u, v = left + u, top + v
+            dx = view.forward[0] + (u * view.right[0] + v * view.down[0])
+            dy = view.forward[1] + (u * view.right[1] + v * view.down[1])
+            dz = view.forward[2] + (u * view.right[2] + v * view.down[2])
+            scale = 1.0 / sqrt(dx * dx + dy * dy + dz * dz)
+            at = (sample - first) * count + j
+            store(d, at, dx * scale)
+            store(d, n + at, dy * scale)
+            store(d, 2 * n + at, dz * scale)

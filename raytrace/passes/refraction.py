@@ -1,0 +1,115 @@
+"""The bounce: rays that met an ideal interface go on behind it, or are reflected; all others have landed or left."""
+
+import numpy as np
+
+from raytrace.accel.lanes import (
+    bits,
+    compress,
+    count,
+    gather,
+    lane_numbers,
+    load,
+    machine_epsilon,
+    maximum,
+    packet,
+    packet_width,
+    select,
+    splat,
+    sqrt,
+)  # fmt: skip
+from raytrace.jit import inlined, kernel
+from raytrace.passes.surface import load3, point_on, row_of, shading_normal, spawn
+from raytrace.passes.vectors import choose3, dot, scaled, unit
+
+
+@inlined
+def reflect_direction(d, n):
+    """Mirror direction d - 2 (d . n) n."""
+    twice = 2.0 * dot(d, n)
+    return d[0] - twice * n[0], d[1] - twice * n[1], d[2] - twice * n[2]
+
+
+@inlined
+def refract_direction(d, n, eta):
+    """Snell's law; n on the ray's side, eta = transmitted / incident. Unit direction, total internal reflection.
+
+    The part of d along the surface, s = d - (d . n) n, has length sin_i and is divided by eta; what is left to unit
+    length goes against n. Nothing is lost near normal incidence, where s is small [PBR4, 9.3].
+    """
+    cosine = dot(d, n)
+    s = (d[0] - cosine * n[0]) / eta, (d[1] - cosine * n[1]) / eta, (d[2] - cosine * n[2]) / eta
+    rest = 1.0 - dot(s, s)
+    total = rest <= 0.0
+    down = sqrt(maximum(rest, 0.0))
+    through = unit((s[0] - down * n[0], s[1] - down * n[1], s[2] - down * n[2]))
+    mirror = unit(reflect_direction(d, n))
+    same = eta == 1.0
+    total = total & ~same
+    return choose3(total, mirror, choose3(same, d, through)), total
+
+
+@inlined
+def interface_direction(d, ng, ns, eta):
+    """Refract about the shading normal; about the geometric one where that would end on the wrong side of the surface.
+
+    Both normals are on the ray's side. Direction, and whether it stays on that side (total internal reflection).
+    """
+    ns = choose3(dot(d, ns) < 0.0, ns, ng)
+    wt, total = refract_direction(d, ns, eta)
+    away = dot(wt, ng)
+    right = (total & (away > 0.0)) | (~total & (away < 0.0))
+    if bits(~right) == 0:
+        return wt, total
+    flat, flat_total = refract_direction(d, ng, eta)
+    return choose3(right, wt, flat), (right & total) | (~right & flat_total)
+
+
+@kernel
+def refract_rays(shading, normals, rays, n, out):
+    """Send on the first n rays of a batch that met an interface, side by side in ``out``; how many they are."""
+    like = packet(rays.d)
+    eps = machine_epsilon(rays.d)
+    size = len(rays.slot)
+    one = splat(1.0, like)
+    sent = 0
+    for i in range(0, n, packet_width(rays.d)):
+        prim = load(rays.hits.prim_id, i, like)
+        found = (prim >= 0) & (lane_numbers(like) < np.int32(n - i))
+        prim = select(found, prim, np.int32(0))
+        material = gather(shading.material_id, prim)
+        found = found & (row_of(shading.materials, material, 6, 5) > 0.0)
+        if bits(found) == 0:
+            continue
+        u, v = load(rays.hits.u, i, like), load(rays.hits.v, i, like)
+        d = load3(rays.d, i, size, like)
+        p, ng, offset = point_on(shading.triangles, prim, u, v, eps)
+        front = dot(d, ng) < 0.0
+        side = select(front, one, -1.0)
+        ior = row_of(shading.materials, material, 6, 3)
+        eta = select(front, ior, 1.0 / ior)
+        ng = scaled(ng, side)
+        ns = ng
+        if normals is not None:
+            ns = scaled(shading_normal(normals, prim, u, v), side)
+        wt, total = interface_direction(d, ng, ns, eta)
+        o = spawn(p, ng, select(total, offset, -offset))
+        for k in range(3):
+            compress(out.o, k * size + sent, found, o[k])
+            compress(out.d, k * size + sent, found, wt[k])
+        compress(out.slot, sent, found, load(rays.slot, i, like))
+        sent += count(found)
+    return sent
+
+
+@kernel
+def land(rays, n, landed):
+    """Copy hits and directions of the first n rays of a batch to the samples that they belong to."""
+    size = len(rays.slot)
+    for i in range(n):
+        slot = rays.slot[i]
+        landed.hits.t[slot] = rays.hits.t[i]
+        landed.hits.prim_id[slot] = rays.hits.prim_id[i]
+        landed.hits.u[slot] = rays.hits.u[i]
+        landed.hits.v[slot] = rays.hits.v[i]
+        for k in range(3):
+            landed.d[k * size + slot] = rays.d[k * size + i]

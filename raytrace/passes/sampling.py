@@ -1,0 +1,144 @@
+"""Where the samples of a pixel lie. Every number has an address (seed, pixel, sample, dimension); nothing is stateful."""
+
+from math import ceil, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numba.extending import overload
+
+from raytrace.accel.lanes import reverse_bits, splat, to_real
+from raytrace.jit import inlined
+
+FILM_X, FILM_Y, STRATUM = range(3)  # dimensions
+
+
+class Sobol(NamedTuple):
+    """Owen-scrambled Sobol points, a scrambling a pixel."""
+
+    seed: int
+
+
+class Stratified(NamedTuple):
+    """One jittered point in each cell of a grid."""
+
+    seed: int
+    columns: int
+    rows: int
+
+
+class Independent(NamedTuple):
+    """Points that know nothing of each other."""
+
+    seed: int
+
+
+def make_sampler(name, seed, spp):
+    """The sampler of that name."""
+    seed = np.uint32(seed)
+    if name == "stratified":
+        columns = ceil(sqrt(spp))
+        return Stratified(seed, np.uint32(columns), np.uint32(ceil(spp / columns)))
+    return {"sobol": Sobol, "independent": Independent}[name](seed)
+
+
+@inlined
+def mix(h):
+    """A bijective hash of 32 bits: lowbias32 of Wellons 2018."""
+    h = (h ^ (h >> np.uint32(16))) * np.uint32(0x7FEB352D)
+    h = (h ^ (h >> np.uint32(15))) * np.uint32(0x846CA68B)
+    return h ^ (h >> np.uint32(16))
+
+
+@inlined
+def pixel_key(seed, x, y):
+    """Hash of seed and pixel; lanes of uint32."""
+    return mix(mix(mix(splat(seed, x)) + x) + y)
+
+
+@inlined
+def key(pixel, dimension):
+    """Hash of seed, pixel and dimension."""
+    return mix(pixel + np.uint32(dimension))
+
+
+@inlined
+def unit(h, like):
+    """Bits to a float in [0, 1): the 24 highest, so that both precisions sample the same places."""
+    return to_real(h >> np.uint32(8), like) * 2.0**-24
+
+
+@inlined
+def owen(x, k):
+    """Nested uniform scrambling of bit-reversed numbers, by a hash in which bits only influence higher ones.
+
+    Laine and Karras 2011, constants of Vegdahl 2021.
+    """
+    x = x ^ (x * np.uint32(0x3D20ADEA))
+    x = x + k
+    x = x * ((k >> np.uint32(16)) | np.uint32(1))
+    x = x ^ (x * np.uint32(0x05526C56))
+    x = x ^ (x * np.uint32(0x53A22864))
+    return reverse_bits(x)
+
+
+@inlined
+def sobol_reversed(sample):
+    """Second coordinate of Sobol point number ``sample``, its bits reversed.
+
+    Direction numbers v_1 = 2^31, v_i = v_{i-1} ^ (v_{i-1} >> 1). The first coordinate reversed is the number itself.
+    """
+    x, v = np.uint32(0), np.uint32(1)
+    while sample:
+        if sample & 1:
+            x ^= v
+        v ^= v << np.uint32(1)
+        sample >>= 1
+    return x
+
+
+def film_sample(sampler, pixel, sample, like):
+    """Position of a sample within its pixel, x and y in [0, 1).
+
+    Parameters
+    ----------
+    sampler : Sobol, Stratified or Independent
+    pixel : lanes of uint32
+        ``pixel_key`` of the pixels.
+    sample : int
+    like : lanes
+        A register of the floats that are wanted.
+    """
+    take = {Sobol: _sobol, Stratified: _stratified, Independent: _independent}[type(sampler)]
+    return take(sampler, pixel, sample, like)
+
+
+@inlined
+def _sobol(sampler, pixel, sample, like):
+    x = owen(splat(np.uint32(sample), pixel), key(pixel, FILM_X))
+    y = owen(splat(sobol_reversed(sample), pixel), key(pixel, FILM_Y))
+    return unit(x, like), unit(y, like)
+
+
+@inlined
+def _independent(sampler, pixel, sample, like):
+    x = mix(key(pixel, FILM_X) + np.uint32(sample))
+    y = mix(key(pixel, FILM_Y) + np.uint32(sample))
+    return unit(x, like), unit(y, like)
+
+
+@inlined
+def _stratified(sampler, pixel, sample, like):
+    jitter_x, jitter_y = _independent(sampler, pixel, sample, like)
+    cells = sampler.columns * sampler.rows
+    cell = (key(pixel, STRATUM) % cells + np.uint32(sample)) % cells
+    row = cell // sampler.columns
+    column = cell - row * sampler.columns
+    x = (to_real(column, like) + jitter_x) / np.float64(sampler.columns)
+    y = (to_real(row, like) + jitter_y) / np.float64(sampler.rows)
+    return x, y
+
+
+@overload(film_sample, inline="always")
+def _film_sample(sampler, pixel, sample, like):
+    take = {Sobol: _sobol, Stratified: _stratified, Independent: _independent}[sampler.instance_class]
+    return lambda sampler, pixel, sample, like: take(sampler, pixel, sample, like)

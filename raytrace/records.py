@@ -1,0 +1,214 @@
+"""Every record that crosses a file. Fields give shape, dtype, unit and meaning; f is float32 or float64."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+DIFFUSE, REFRACTIVE = range(2)  # Materials.kind
+
+
+class Camera(NamedTuple):
+    """A pinhole camera."""
+
+    position: NDArray[np.float64]  # (3,) f8, world units: the pinhole
+    look_at: NDArray[np.float64]  # (3,) f8, world units: seen at the centre of the film
+    up: NDArray[np.float64]  # (3,) f8, any length: its image points to the top of the film
+    fov: float  # degrees: full vertical angle
+
+
+class Materials(NamedTuple):
+    """What surfaces are made of, a row a material."""
+
+    name: tuple[str, ...]  # names as in the scene file
+    kind: NDArray[np.int8]  # (k,) i1: DIFFUSE or REFRACTIVE
+    albedo: NDArray[np.float64]  # (k, 3) f8, 0..1: diffuse reflectance; 1 where refractive
+    ior: NDArray[np.float64]  # (k,) f8: index inside / index outside; 1 where diffuse
+    two_sided: NDArray[np.bool_]  # (k,) bool: diffuse on both sides of the geometric normal
+    transparent_shadow: NDArray[np.bool_]  # (k,) bool: shadow rays pass straight through
+
+
+class Lights(NamedTuple):
+    """Isotropic point lights, a row a light."""
+
+    position: NDArray[np.float64]  # (l, 3) f8, world units
+    flux: NDArray[np.float64]  # (l, 3) f8, W per channel: total over the sphere of directions
+
+
+class RawMesh(NamedTuple):
+    """The triangles of one mesh file, in its own space."""
+
+    vertices: NDArray[np.float64]  # (v, 3) f8, the file's units; finite
+    faces: NDArray[np.int64]  # (m, 3) i8: rows of vertices, counter-clockwise seen from the front
+    normals: NDArray[np.float64] | None  # (n, 3) f8, any length: the file's normals; None: it has none
+    normal_faces: NDArray[np.int64] | None  # (m, 3) i8: row of normals of each corner, -1: none
+
+
+class Mesh(NamedTuple):
+    """All triangles of a scene in world space, objects one after the other."""
+
+    vertices: NDArray[np.float64]  # (v, 3) f8, world units
+    faces: NDArray[np.int64]  # (m, 3) i8: rows of vertices, counter-clockwise seen from the front
+    normals: NDArray[np.float64] | None  # (m, 3, 3) f8: unit shading normal of each corner; None: all flat
+    material_id: NDArray[np.int32]  # (m,) i4: row of Materials
+    object_id: NDArray[np.int32]  # (m,) i4: index into Scene.objects
+
+
+class Settings(NamedTuple):
+    """How a scene asks to be rendered; every one can be overridden by the caller."""
+
+    size: tuple[int, int]  # film: (width, height), pixels
+    spp: int  # samples per pixel
+    max_depth: int  # most surfaces that a path may meet
+    sampler: str  # "sobol", "stratified" or "independent"
+    precision: str  # "auto", "float32" or "float64"
+    seed: int  # 0 .. 2**32 - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A checked scene: what ``rt.load`` returns and ``rt.render`` draws."""
+
+    source: Path | None  # the file it came from; None for a dict
+    sha256: str  # hash of all content: settings, materials, lights and mesh arrays
+    about: str  # one sentence for people
+    camera: Camera
+    settings: Settings
+    background: NDArray[np.float64]  # (3,) f8, radiance of rays that leave the scene
+    materials: Materials
+    lights: Lights
+    mesh: Mesh
+    objects: tuple[str, ...]  # a short name an object, for messages
+    warnings: tuple[str, ...]  # what is legal but probably not meant, a line each
+
+
+class Hits(NamedTuple):
+    """Nearest hits, a row a ray: p = (1 - u - v) v0 + u v1 + v v2."""
+
+    t: NDArray[np.floating]  # (n,) f, units of the ray's direction; inf: a miss
+    prim_id: NDArray[np.int32]  # (n,) i4: row of the faces; -1: a miss
+    u: NDArray[np.floating]  # (n,) f, 0..1: barycentric weight of v1
+    v: NDArray[np.floating]  # (n,) f, 0..1: barycentric weight of v2
+
+
+class Surface(NamedTuple):
+    """Points on surfaces, a row a ray; the rows of misses are NaN."""
+
+    p: NDArray[np.floating]  # (n, 3) f, world units
+    p_error: NDArray[np.floating]  # (n, 3) f, world units: absolute bound on the rounding error of p
+    ng: NDArray[np.floating]  # (n, 3) f: unit geometric normal, (v1 - v0) x (v2 - v0) normalised
+
+
+class Nodes(NamedTuple):
+    """A flattened tree of boxes, eight children a node; node 0 is the root."""
+
+    bounds: NDArray[np.floating]  # (n * 48,) f, world units: 8 low x, 8 low y, 8 low z, 8 high x, 8 high y, 8 high z
+    child: NDArray[np.int32]  # (n * 8,) i4: a node; ~leaf where negative; 0 (the root is no child) past the last one
+
+
+class WatertightLeaves(NamedTuple):
+    """Leaves of up to eight triangles, for the test of Woop, Benthin and Wald."""
+
+    rows: NDArray[np.floating]  # (n * 96,) f: eight lanes each of v0 x y z, v1 x y z, v2 x y z, unit normal x y z
+    prim_id: NDArray[np.int32]  # (n * 8,) i4: row of the faces; -1 past the last one
+
+
+class MollerTrumboreLeaves(NamedTuple):
+    """The same leaves, for the test of Moller and Trumbore with the course's absolute threshold."""
+
+    rows: NDArray[np.floating]
+    prim_id: NDArray[np.int32]
+
+
+class Columns(NamedTuple):
+    """An (n, 3) array, or an (n,) one, as kernels read it: element (i, k) is data[start + i * row + k * axis]."""
+
+    data: NDArray[np.floating]  # flat f
+    start: int
+    row: int  # elements from one ray to the next; 1: neighbours in memory; 0: all rays share it
+    axis: int  # elements from x to y
+
+
+class Rays(NamedTuple):
+    """Rays o + t d for t in the open interval (tmin, tmax)."""
+
+    o: Columns  # world units
+    d: Columns  # any length: t is in units of it
+    tmin: Columns
+    tmax: Columns
+
+
+class Work(NamedTuple):
+    """Scratch memory of one thread of a traversal."""
+
+    t: NDArray[np.floating]  # f: where the rays enter a node on the stack
+    child: NDArray[np.int32]  # i4: that node or ~leaf
+    counts: NDArray[np.int64]  # (2,) i8: nodes visited, triangles tested (of a packet: once for all its rays)
+
+
+class Tree(NamedTuple):
+    """What a ray needs of a scene's shape."""
+
+    nodes: Nodes
+    leaves: WatertightLeaves | MollerTrumboreLeaves
+
+
+class View(NamedTuple):
+    """The camera as kernels use it: film position (x, y) in pixels is seen along forward + x' right + y' down.
+
+    x' and y' are measured from the centre of the film.
+    """
+
+    origin: NDArray[np.floating]  # (3,) f, world units
+    forward: NDArray[np.floating]  # (3,) f: unit
+    right: NDArray[np.floating]  # (3,) f: one pixel to the right, at distance 1
+    down: NDArray[np.floating]  # (3,) f: one pixel down, at distance 1
+    centre: NDArray[np.floating]  # (2,) f, pixels: middle of the film
+
+
+class Shading(NamedTuple):
+    """What shading looks up of a surface; flat arrays, a row a triangle or a material."""
+
+    triangles: NDArray[np.floating]  # (m * 12,) f: v0 x y z, v1 x y z, v2 x y z, unit normal x y z
+    material_id: NDArray[np.int32]  # (m,) i4
+    materials: NDArray[np.floating]  # (k * 6,) f: albedo r g b, ior, two-sided (0 or 1), refractive (0 or 1)
+
+
+class Batch(NamedTuple):
+    """One thread's rays in flight, structure of arrays; components one after the other, as in (3, n)."""
+
+    o: NDArray[np.floating]  # (3n,) f, world units: origins (camera rays share one and leave it unused)
+    d: NDArray[np.floating]  # (3n,) f: unit directions
+    slot: NDArray[np.int32]  # (n,) i4: which sample a ray belongs to, once rays that are done have dropped out
+    hits: Hits
+
+
+class Points(NamedTuple):
+    """What the light pass needs of the surfaces that samples landed on."""
+
+    p: NDArray[np.floating]  # (3n,) f, world units
+    ng: NDArray[np.floating]  # (3n,) f: unit geometric normal on the viewer's side
+    ns: NDArray[np.floating]  # (3n,) f: unit shading normal on the viewer's side; the same array as ng if all is flat
+    offset: NDArray[np.floating]  # (n,) f, world units: how far along ng a ray must start; -1: nothing to light
+    material_id: NDArray[np.int32]  # (n,) i4
+
+
+class Shadows(NamedTuple):
+    """Shadow rays to one light, and what they carry if nothing stops them."""
+
+    o: NDArray[np.floating]  # (3n,) f, world units
+    d: NDArray[np.floating]  # (3n,) f, world units: to the light, which is at t = 1
+    tmax: NDArray[np.floating]  # (n,) f: 1; -1: no ray
+    irradiance: NDArray[np.floating]  # (n,) f, 1 / area: cos / (4 pi r^2), per unit of flux
+    occluded: NDArray[np.bool_]  # (n,) bool
+
+
+class Window(NamedTuple):
+    """The part of the film that is drawn."""
+
+    x: int  # pixels: its left column
+    y: int  # pixels: its top row
+    width: int
+    height: int

@@ -1,0 +1,1 @@
+"""How good and how fast a picture is: error against a reference, and reports."""

@@ -1,0 +1,96 @@
+"""What two keys of a scene must agree on, and what is legal but probably not meant.
+
+The checks look at the JSON itself, so that they can report beside the problems of the format; whatever has not the
+right form is passed over, since the format reports it.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.scene.problems import Problem, unknown_name
+
+# sine of the angle between up and the view direction; the film's axes lose 1e-16 / PARALLEL of their direction
+PARALLEL = 1e-6
+
+
+def _vector(section: Any, key: str, default: list[float] | None = None) -> NDArray[np.float64] | None:
+    value = section.get(key, default) if isinstance(section, dict) else None
+    numbers = isinstance(value, list) and len(value) == 3 and all(type(x) in (int, float) for x in value)
+    return np.array(value, np.float64) if numbers else None
+
+
+def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Normalise without overflow or underflow; the zero vector stays what it is."""
+    largest = np.max(np.abs(vector))
+    if largest == 0:
+        return vector
+    scaled = vector / largest
+    return np.asarray(scaled / np.sqrt(scaled @ scaled))
+
+
+def _check_camera(camera: Any) -> Iterator[Problem]:
+    position, look_at = _vector(camera, "position"), _vector(camera, "look_at")
+    up = _vector(camera, "up", [0.0, 1.0, 0.0])
+    if up is not None and not up.any():
+        yield Problem(("camera", "up"), "up has no direction; expected a vector other than 0")
+    if position is None or look_at is None:
+        return
+    if (position == look_at).all():
+        yield Problem(("camera", "look_at"), "the camera looks at its own position; move one of the two")
+    elif up is not None and up.any():
+        view = _unit(look_at / 2 - position / 2)  # halves: the difference of two large numbers may overflow
+        sine = np.cross(_unit(up), view)
+        if sine @ sine < PARALLEL**2:
+            text = "up is parallel to the view direction; choose another, as [0, 0, 1] for a view straight down"
+            yield Problem(("camera", "up") if "up" in camera else ("camera",), text)
+
+
+def check(data: dict[str, Any]) -> list[Problem]:
+    """Find what the keys of a scene disagree on.
+
+    Parameters
+    ----------
+    data : dict
+        A scene as JSON types, in the format's own keys; it need not be valid.
+
+    Returns
+    -------
+    list of Problem
+    """
+    problems = list(_check_camera(data.get("camera")))
+    materials = data.get("materials")
+    objects = data.get("objects")
+    for i, entry in enumerate(objects if isinstance(objects, list) else []):
+        name = entry.get("material") if isinstance(entry, dict) else None
+        if isinstance(name, str) and isinstance(materials, dict) and name not in materials:
+            problems.append(Problem(("objects", i, "material"), unknown_name("material", name, materials)))
+        axis = _vector(entry.get("rotate"), "axis") if isinstance(entry, dict) else None
+        if axis is not None and not axis.any():
+            text = "the axis has no direction; expected a vector other than 0"
+            problems.append(Problem(("objects", i, "rotate", "axis"), text))
+    return problems
+
+
+def warn(data: dict[str, Any]) -> list[Problem]:
+    """Find what is legal but probably not meant, in a valid scene.
+
+    Parameters
+    ----------
+    data : dict
+        A valid scene as JSON types, in the format's own keys.
+
+    Returns
+    -------
+    list of Problem
+    """
+    found = []
+    used = {entry["material"] for entry in data["objects"]}
+    for name in data["materials"]:
+        if name not in used:
+            found.append(Problem(("materials", name), "no object uses this material", at_key=True))
+    if not data.get("lights"):
+        found.append(Problem(("lights",), "no lights: all surfaces will be black"))
+    return found

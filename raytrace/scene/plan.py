@@ -1,0 +1,187 @@
+"""What a scene needs: which passes run, on what data, in which precision, and what is left out and why."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from raytrace.records import REFRACTIVE, Mesh, Scene
+
+GAMMA = 16  # roundings of a point's coordinates, as in passes/surface.py
+TOLERANCE = 0.01  # of the smallest feature: the largest error of position that float32 may make
+FLOAT32_RANGE = 1e-12, 1e12  # world units: features and coordinates whose cubes and squares stay normal numbers
+
+
+class Precision(NamedTuple):
+    """The precision chosen and the bound that chose it."""
+
+    name: str  # "float32" or "float64"
+    why: str
+    largest: float  # world units: largest coordinate of meshes, camera and lights
+    feature: float  # world units: smallest height of a triangle that has an area
+    error: float  # world units: bound on the error of a point's coordinates in float32
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What ``rt.explain`` returns; ``print`` it.
+
+    Attributes
+    ----------
+    precision : Precision
+    refraction, smooth, transparent : bool
+        Whether there are refractive surfaces, interpolated normals, and surfaces that shadow rays pass.
+    lights : int
+    passes : tuple of (str, str)
+        Name and cost driver of each pass that runs, in order.
+    left_out : tuple of (str, str)
+        What does not run or is not stored, and why.
+    """
+
+    about: str
+    holds: str
+    precision: Precision
+    refraction: bool
+    smooth: bool
+    transparent: bool
+    lights: int
+    passes: tuple[tuple[str, str], ...]
+    left_out: tuple[tuple[str, str], ...]
+
+    def __str__(self) -> str:
+        lines = [self.about, f"holds      {self.holds}", f"precision  {self.precision.name}: {self.precision.why}"]
+        lines += [*_table("passes", self.passes), *_table("left out", self.left_out)]
+        return "\n".join(line for line in lines if line)
+
+
+def _table(title: str, rows: tuple[tuple[str, str], ...]) -> list[str]:
+    if not rows:
+        return []
+    width = max(len(name) for name, _ in rows)
+    return [title, *(f"  {name:<{width}}  {text}" for name, text in rows)]
+
+
+def make_plan(scene: Scene) -> Plan:
+    """Derive the plan of a scene from what it holds.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    Plan
+    """
+    used = np.unique(scene.mesh.material_id)
+    refractive = used[scene.materials.kind[used] == REFRACTIVE]
+    refraction, smooth = len(refractive) > 0, scene.mesh.normals is not None
+    transparent = bool(scene.materials.transparent_shadow[refractive].any())
+    lights = len(scene.lights.flux)
+    return Plan(
+        about=scene.about,
+        holds=f"{len(scene.mesh.faces):,} triangles in {_count(len(scene.objects), 'object')}, "
+        f"{_count(len(used), 'material')}, {_count(lights, 'point light')}",
+        precision=choose_precision(scene),
+        refraction=refraction,
+        smooth=smooth,
+        transparent=transparent,
+        lights=lights,
+        passes=_passes(scene, refraction, smooth, transparent),
+        left_out=_left_out(refraction, smooth, transparent, lights),
+    )
+
+
+def choose_precision(scene: Scene) -> Precision:
+    """Apply the scene's wish; ``auto`` takes float32 where its error stays small against the smallest feature.
+
+    A point's coordinates are off by at most gamma(16) times the largest coordinate, gamma(n) = n u / (1 - n u), with
+    unit roundoff u [Higham2002, section 3.1]. float32 serves where that is below 1 % of the smallest feature.
+    """
+    unit = float(np.finfo(np.float32).eps) / 2
+    gamma = GAMMA * unit / (1 - GAMMA * unit)
+    places = scene.mesh.vertices, scene.camera.position, scene.lights.position
+    largest = max(float(np.abs(place).max(initial=0.0)) for place in places)
+    feature = smallest_height(scene.mesh)
+    error = gamma * largest
+    if scene.settings.precision != "auto":
+        return Precision(scene.settings.precision, "asked for by the scene", largest, feature, error)
+    bound = f"error of a point at most gamma(16) x {largest:.3g} = {error:.2g}"
+    limit = f"{TOLERANCE:.0%} of the smallest feature, {feature:.2g}"
+    if feature < FLOAT32_RANGE[0] or largest > FLOAT32_RANGE[1]:
+        return Precision(
+            "float64", f"sizes leave {FLOAT32_RANGE[0]:g} .. {FLOAT32_RANGE[1]:g}", largest, feature, error
+        )
+    if error > TOLERANCE * feature:
+        return Precision("float64", f"in float32, {bound}, is more than {limit}", largest, feature, error)
+    return Precision("float32", f"{bound}, is less than {limit}", largest, feature, error)
+
+
+def smallest_height(mesh: Mesh) -> float:
+    """Smallest height of the triangles that have an area: twice the area divided by the longest side; inf for none."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    sides = np.stack([b - a, c - b, a - c])
+    longest = np.sqrt((sides**2).sum(axis=-1)).max(axis=0, initial=0.0)
+    area = np.linalg.norm(np.cross(sides[0], sides[2]), axis=-1)
+    return float((area[area > 0] / longest[area > 0]).min(initial=np.inf))
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def _passes(scene: Scene, refraction: bool, smooth: bool, transparent: bool) -> tuple[tuple[str, str], ...]:
+    depth, lights = scene.settings.max_depth, len(scene.lights.flux)
+    rows = [("camera", "a ray a sample"), ("closest hit", "a query a ray")]
+    if refraction:
+        rows.append(("refraction", f"a query more for each interface met, up to depth {depth}; done rays drop out"))
+    if lights:
+        normals = "interpolated normals" if smooth else "one normal a triangle"
+        rows.append(("surface", f"points and {normals} where rays landed"))
+        each = "a ray a sample" if lights == 1 else f"{lights} rays a sample, a light at a time"
+        tree = "a tree without transparent surfaces" if transparent else "the same tree"
+        rows.append(("shadow", f"{each}, through {tree}; none where the light is behind"))
+        rows.append(("light", "albedo / pi times what arrives"))
+    rows.append(("film", "four sums a pixel"))
+    return tuple(rows)
+
+
+def _left_out(refraction: bool, smooth: bool, transparent: bool, lights: int) -> tuple[tuple[str, str], ...]:
+    rows = [
+        ("refraction pass", "no surface is refractive", refraction),
+        ("normal interpolation", "all meshes are flat", smooth),
+        ("second tree for shadows", "shadow rays pass through no surface", transparent),
+        ("surface, shadow and light passes", "there is no light", lights > 0),
+        ("loop over lights", "there is one light", lights != 1),
+        ("layers (AOVs)", "stored only when asked for", False),
+    ]
+    return tuple((what, why) for what, why, needed in rows if not needed)
+
+
+def explain(scene: Scene | str | Path | dict[str, Any]) -> Plan:
+    """Tell what a scene needs, what is left out, and why.
+
+    Parameters
+    ----------
+    scene : Scene, str, Path or dict
+        A loaded scene, a scene file, or its content.
+
+    Returns
+    -------
+    Plan
+        ``print`` it.
+
+    Raises
+    ------
+    SceneError, FileError
+        As ``load`` does.
+
+    Examples
+    --------
+    >>> import raytrace as rt
+    >>> rt.explain("scenes/cornell-box.json").precision.name
+    'float32'
+    """
+    from raytrace.scene.load import load
+
+    return make_plan(scene if isinstance(scene, Scene) else load(scene))

@@ -1,0 +1,101 @@
+"""One problem of a scene, and the words that problems have in common: what is wrong, and the fix."""
+
+import difflib
+import json
+from collections.abc import Iterable
+from pathlib import Path as FilePath
+from typing import Any, NamedTuple
+
+from raytrace.scene.positions import Path
+
+
+class Problem(NamedTuple):
+    """One thing that is wrong, not yet placed in its file."""
+
+    path: Path  # of the value that is wrong, or of the container that lacks something
+    text: str  # what is wrong, and the fix
+    at_key: bool = False  # whether the key is wrong, and not its value
+    unreadable: bool = False  # whether a file can't be read, where the scene itself may be right
+
+
+def quote(value: Any) -> str:
+    """Write a JSON value in a few words.
+
+    Examples
+    --------
+    >>> quote("white"), quote([1, 2]), quote(-1.5)
+    ('"white"', 'a list of 2', '-1.5')
+    """
+    if isinstance(value, dict):
+        return "an object"
+    if isinstance(value, list):
+        return f"a list of {len(value)}"
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else text[:56] + "..."
+
+
+def printable(text: Any) -> str:
+    r"""Write what can't be printed in one line as escapes.
+
+    Examples
+    --------
+    >>> printable("two\nlines")
+    'two\\nlines'
+    """
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))
+
+
+def nearest(word: Any, known: Iterable[str]) -> str | None:
+    """Return the known name that is spelt most like a word, or None where none is near.
+
+    Examples
+    --------
+    >>> nearest("albeedo", ["type", "albedo"])
+    'albedo'
+    """
+    return next(iter(difflib.get_close_matches(str(word), list(known), n=1)), None)
+
+
+def _hint(word: Any, known: list[str]) -> str:
+    close = nearest(word, known)
+    return "" if close is None else f"; did you mean {quote(close)}?"
+
+
+def unknown_name(kind: str, word: Any, known: Iterable[str]) -> str:
+    """Word a name that is none of those known.
+
+    Examples
+    --------
+    >>> unknown_name("material", "glas", ["white", "glass"])
+    'unknown material "glas"; did you mean "glass"? (known: white, glass)'
+    """
+    names = list(known)
+    return f"unknown {kind} {quote(word)}{_hint(word, names)} (known: {', '.join(names) or 'none'})"
+
+
+def unknown_key(key: str, known: Iterable[str]) -> str:
+    """Word a key that the format does not have.
+
+    Examples
+    --------
+    >>> unknown_key("albeedo", ["type", "albedo"])
+    'unknown key "albeedo"; did you mean "albedo"?'
+    >>> unknown_key("colour", ["type", "albedo"])
+    'unknown key "colour" (known: type, albedo)'
+    """
+    names = list(known)
+    return f"unknown key {quote(key)}" + (_hint(key, names) or f" (known: {', '.join(names)})")
+
+
+def at(data: Any, path: Path) -> Any:
+    """Return what stands at a path that exists."""
+    for step in path:
+        data = data[step]
+    return data
+
+
+def no_such_file(path: FilePath) -> str:
+    """Word a file that is not there, with the name nearest to it in the same folder."""
+    if not path.parent.is_dir():
+        return printable(f"{path}: no such file; there is no folder {path.parent}")
+    return printable(f"{path}: no such file{_hint(path.name, [entry.name for entry in path.parent.iterdir()])}")

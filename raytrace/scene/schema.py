@@ -1,0 +1,174 @@
+"""The scene format: these models are the format, and the JSON Schema is generated from them.
+
+A model says what each key may hold by itself. What two keys must agree on (a material that exists, a camera that does
+not look at itself) stands in ``checks.py``; where a problem lies in the file, in ``positions.py``.
+"""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+
+MAX_SIDE = 65_536  # pixels along a side of the film
+MAX_PIXELS = 2**28  # pixels of a film: 3 GiB of float32 RGB, 16384 x 16384
+MAX_SPP = 65_536  # samples per pixel; halves the noise of 16384, and sample numbers stay within 16 bits
+MAX_DEPTH = 65_536  # surfaces a path may meet
+MAX_SEED = 2**32 - 1  # the seed is one 32-bit word of the random numbers' address
+
+
+def _check_film(size: tuple[int, int]) -> tuple[int, int]:
+    width, height = size
+    if max(size) > MAX_SIDE or width * height > MAX_PIXELS:
+        limits = f"a side has at most {MAX_SIDE} pixels and a film at most {MAX_PIXELS}"
+        raise ValueError(f"a film of {width} x {height} pixels is too large; {limits}")
+    return size
+
+
+def _spread_number(scale: Any) -> Any:
+    number = isinstance(scale, int | float) and not isinstance(scale, bool)
+    return (scale, scale, scale) if number else scale
+
+
+def _check_scale(scale: tuple[float, float, float]) -> tuple[float, float, float]:
+    if 0 in scale:
+        raise ValueError("a scale of 0 leaves no surface; use a number other than 0 for each axis")
+    return scale
+
+
+Number = Annotated[float, Field(strict=True)]
+NonNegative = Annotated[float, Field(strict=True, ge=0)]
+Share = Annotated[float, Field(strict=True, ge=0, le=1)]
+Side = Annotated[int, Field(strict=True, ge=1, json_schema_extra={"maximum": MAX_SIDE})]
+Point = tuple[Number, Number, Number]
+Colour = tuple[NonNegative, NonNegative, NonNegative]
+Albedo = tuple[Share, Share, Share]
+Size = Annotated[tuple[Side, Side], AfterValidator(_check_film)]
+Scale = Annotated[
+    Point, BeforeValidator(_spread_number, json_schema_input_type=Number | Point), AfterValidator(_check_scale)
+]
+
+
+class Model(BaseModel):
+    """What all models share: no unknown keys, no NaN, no infinities, no change after loading."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
+
+
+class Camera(Model):
+    """A pinhole camera."""
+
+    position: Point = Field(description="The pinhole, world units.")
+    look_at: Point = Field(description="The point seen at the centre of the film, world units.")
+    up: Point = Field((0.0, 1.0, 0.0), description="Points to the top of the film; any length.")
+    fov: Annotated[float, Field(strict=True, gt=0, lt=180)] = Field(
+        description="Field of view from the bottom of the film to its top, degrees."
+    )
+
+
+class Film(Model):
+    """The picture's raster."""
+
+    size: Size = Field((512, 512), description=f"Width and height, pixels; at most {MAX_PIXELS} pixels in all.")
+
+
+class Render(Model):
+    """How the scene asks to be rendered; the command line and ``rt.render`` can override it."""
+
+    spp: Annotated[int, Field(strict=True, ge=1, le=MAX_SPP)] = Field(16, description="Samples per pixel.")
+    max_depth: Annotated[int, Field(strict=True, ge=1, le=MAX_DEPTH)] = Field(
+        16, description="The most surfaces that a path may meet, the one that scatters its light included."
+    )
+    sampler: Literal["sobol", "stratified", "independent"] = Field(
+        "sobol", description="Where in the pixel the samples lie: Owen-scrambled Sobol, jittered grid, or independent."
+    )
+    precision: Literal["auto", "float32", "float64"] = Field(
+        "auto", description="Arithmetic of the rays; auto takes float32 where the scene allows it."
+    )
+    seed: Annotated[int, Field(strict=True, ge=0, le=MAX_SEED)] = Field(
+        0, description="Another seed gives other noise; the same seed gives the same bits."
+    )
+
+
+class PointLight(Model):
+    """A point that sends its flux evenly in all directions."""
+
+    type: Literal["point"] = Field(description="The kind of light: point.")
+    position: Point = Field(description="Where the light stands, world units.")
+    flux: Colour = Field(description="Power sent out in all directions together, watt for red, green and blue.")
+
+
+class Diffuse(Model):
+    """A matt surface that sends albedo / pi of the irradiance in every direction."""
+
+    type: Literal["diffuse"] = Field(description="The kind of material: diffuse.")
+    albedo: Albedo = Field(description="Share of the light that is reflected, 0 to 1 for red, green and blue.")
+    two_sided: Annotated[bool, Field(strict=True)] = Field(
+        False, description="Whether light from behind the geometric normal is reflected too."
+    )
+
+
+class Refractive(Model):
+    """A perfectly clear interface: Snell's law, all light transmitted, total internal reflection."""
+
+    type: Literal["refractive"] = Field(description="The kind of material: refractive.")
+    ior: Annotated[float, Field(strict=True, gt=0)] = Field(
+        description="Index of refraction inside (behind the normal) over the one outside."
+    )
+    shadows: Literal["opaque", "transparent"] = Field(
+        "opaque", description="Whether the surface stops shadow rays, or lets them pass straight through."
+    )
+
+
+Material = Annotated[Diffuse | Refractive, Field(discriminator="type")]
+
+
+class Rotation(Model):
+    """A turn about an axis through the mesh's origin, counter-clockwise seen from the axis' tip."""
+
+    axis: Point = Field(description="Direction of the axis; any length but 0.")
+    angle: Number = Field(description="Angle of the turn, degrees.")
+
+
+class Object(Model):
+    """A mesh, what it is made of, and where it stands: scaled, then rotated, then translated."""
+
+    mesh: Annotated[str, Field(min_length=1)] = Field(
+        description="Path of an OBJ, PLY, STL or GLB file, plain or with .gz; relative to the scene file."
+    )
+    material: str = Field(description="A name in materials.")
+    scale: Scale = Field(
+        (1.0, 1.0, 1.0), description="Factor for all axes, or one for each; negative mirrors, 0 is an error."
+    )
+    rotate: Rotation | None = Field(None, description="A turn, or null for none.")
+    translate: Point = Field((0.0, 0.0, 0.0), description="Shift, world units.")
+    normals: Literal["flat", "smooth"] = Field(
+        "flat",
+        description="Shading normals: of the triangles, or of the file's vertices (averaged where it has none).",
+    )
+
+
+class SceneFile(Model):
+    """A whole scene."""
+
+    schema_: str | None = Field(None, alias="$schema", description="For editors: the address of this schema; unused.")
+    about: str = Field("", description="One sentence for people.")
+    camera: Camera = Field(description="Where the picture is taken from.")
+    film: Film = Field(Film(), description="How large the picture is.")
+    render: Render = Field(Render(), description="How to render.")
+    lights: list[PointLight] = Field([], description="What lights the scene.")
+    materials: dict[str, Material] = Field(description="What surfaces are made of, by name.")
+    objects: list[Object] = Field(min_length=1, description="What stands in the scene.")
+    background: Colour = Field(
+        (0.0, 0.0, 0.0), description="Radiance of rays that leave the scene, W / (sr m2) for red, green and blue."
+    )
+
+
+def json_schema() -> dict[str, Any]:
+    """Generate the JSON Schema (draft 2020-12) of the scene format.
+
+    Examples
+    --------
+    >>> json_schema()["title"]
+    'raytrace scene'
+    """
+    schema = SceneFile.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "raytrace scene"}

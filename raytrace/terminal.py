@@ -1,0 +1,133 @@
+"""The person at the terminal: a notice and a bar while a picture is drawn, and Ctrl-C."""
+
+import contextlib
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from types import TracebackType
+from typing import Any, NoReturn, Protocol, Self
+
+BAR_AFTER = 0.5  # s: a picture that is done sooner needs no bar, nor the import of one
+INTERRUPTED = 130  # exit code: 128 + SIGINT, as shells have it
+SHOW_CURSOR = b"\x1b[?25h"  # the bar hides it   [ECMA-48 private mode 25]
+
+
+class Event(Protocol):
+    """One message from a running render; the ``Progress`` record of `raytrace.rendering` is one."""
+
+    @property
+    def stage(self) -> str:
+        """What is going on: "compiling", "building" or "rendering"."""
+
+    @property
+    def done(self) -> int:
+        """Finished parts."""
+
+    @property
+    def total(self) -> int:
+        """All parts."""
+
+    @property
+    def rays(self) -> int:
+        """Rays traced so far, of all kinds."""
+
+    @property
+    def seconds(self) -> float:
+        """Seconds since the stage began."""
+
+
+def at_terminal() -> bool:
+    """Whether messages reach a person at a terminal that can redraw a line."""
+    return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+
+
+def speed(event: Event) -> str:
+    """Rays per second, for people."""
+    return f"{event.rays / max(event.seconds, 1e-9) / 1e6:.1f} M rays/s"
+
+
+class Reporter:
+    """Shows the progress of a render: call it with every event, and use it as a context manager.
+
+    Parameters
+    ----------
+    say : callable
+        Shows one line of text.
+    bar : bool
+        Draw a bar on stderr once the render has run for `BAR_AFTER`.
+    """
+
+    def __init__(self, say: Callable[[str], None], *, bar: bool) -> None:
+        self.last: Event | None = None  # the newest event of the rendering stage
+        self._say = say
+        self._wants_bar = bar
+        self._compiling = False
+        self._bar: Any = None  # rich.progress.Progress, once it is shown
+
+    def __call__(self, event: Event) -> None:
+        """Take in one event."""
+        if event.stage == "compiling" and not self._compiling:
+            self._compiling = True
+            self._say("compiling kernels (first run only)")
+        if event.stage == "rendering":
+            self.last = event
+            if self._wants_bar and (self._bar or event.seconds >= BAR_AFTER):
+                self._draw(event)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar:
+            self._bar.stop()
+            self._bar = None
+
+    def _draw(self, event: Event) -> None:
+        if self._bar is None:
+            self._bar = _bar()
+            self._task = self._bar.add_task("rendering", total=event.total, speed="")
+            self._bar.start()
+        self._bar.update(self._task, completed=event.done, speed=speed(event))
+
+
+def _bar() -> Any:
+    from rich import progress
+    from rich.console import Console
+
+    return progress.Progress(  # rich itself obeys NO_COLOR
+        progress.TextColumn("{task.description}"),
+        progress.BarColumn(),
+        progress.TaskProgressColumn(),
+        progress.TextColumn("{task.fields[speed]}"),
+        progress.TimeRemainingColumn(),
+        progress.TextColumn("left"),
+        console=Console(stderr=True),
+        transient=True,
+    )
+
+
+@contextlib.contextmanager
+def second_interrupt_leaves() -> Iterator[None]:
+    """Let the first Ctrl-C raise KeyboardInterrupt, as ever, and the second end the process at once."""
+
+    def second(*_: object) -> NoReturn:
+        if at_terminal():
+            os.write(sys.stderr.fileno(), SHOW_CURSOR)
+        os._exit(INTERRUPTED)
+
+    def first(*_: object) -> NoReturn:
+        signal.signal(signal.SIGINT, second)
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():  # only the main thread may set handlers
+        yield
+        return
+    before = signal.signal(signal.SIGINT, first)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

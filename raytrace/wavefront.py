@@ -1,0 +1,163 @@
+"""The wavefront: one thread's batches of samples through the passes that the scene needs."""
+
+import time
+from collections import Counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.accel import query
+from raytrace.accel.bvh import BVH
+from raytrace.passes.camera import camera_rays
+from raytrace.passes.film import accumulate
+from raytrace.passes.light import background, reflect_light, shadow_rays
+from raytrace.passes.refraction import land, refract_rays
+from raytrace.passes.surface import surface
+from raytrace.records import REFRACTIVE, Batch, Columns, Hits, Points, Rays, Scene, Shading, Shadows, View
+from raytrace.scene.plan import Plan
+
+BATCH = 8192  # samples in flight in one thread: what the passes touch of them (about 100 bytes each) stays in its cache
+EXHAUSTED = -2  # prim_id of a sample that was still under way at max_depth
+
+
+class Stage(NamedTuple):
+    """A scene as the passes use it, in one precision."""
+
+    plan: Plan
+    max_depth: int
+    bvh: BVH
+    shadow_bvh: BVH  # the same, but for surfaces that shadow rays pass
+    shading: Shading
+    normals: NDArray[np.floating] | None  # (m * 9,) f: unit shading normals of corners; None: all flat
+    background: NDArray[np.floating]  # (3,) f
+    light_position: NDArray[np.floating]  # (l, 3) f
+    light_flux: NDArray[np.floating]  # (l, 3) f
+
+
+def make_stage(scene: Scene, plan: Plan, precision: str) -> Stage:
+    """Trees and tables of a scene."""
+    dtype = np.dtype(precision)
+    mesh, materials = scene.mesh, scene.materials
+    bvh = BVH(mesh.vertices, mesh.faces, precision)
+    shadow_bvh = bvh
+    if plan.transparent:
+        shadow_bvh = BVH(mesh.vertices, mesh.faces[~materials.transparent_shadow[mesh.material_id]], precision)
+    refractive = materials.kind == REFRACTIVE
+    table = np.column_stack([materials.albedo, materials.ior, materials.two_sided, refractive])
+    return Stage(
+        plan,
+        scene.settings.max_depth,
+        bvh,
+        shadow_bvh,
+        Shading(bvh.triangles.ravel(), mesh.material_id, table.astype(dtype).ravel()),
+        None if mesh.normals is None else mesh.normals.astype(dtype).ravel(),
+        scene.background.astype(dtype),
+        scene.lights.position.astype(dtype),
+        scene.lights.flux.astype(dtype),
+    )
+
+
+def _batch(n: int, dtype: np.dtype) -> Batch:
+    hits = Hits(np.empty(n, dtype), np.empty(n, np.int32), np.empty(n, dtype), np.empty(n, dtype))
+    return Batch(np.empty(3 * n, dtype), np.empty(3 * n, dtype), np.empty(n, np.int32), hits)
+
+
+class Wavefront:
+    """One thread's scratch memory, and the passes in their order.
+
+    Parameters
+    ----------
+    stage : Stage
+    view : View
+    sampler : Sobol, Stratified or Independent
+    n : int
+        Samples of a batch: whole packets.
+    """
+
+    def __init__(self, stage: Stage, view: View, sampler: Any, n: int) -> None:
+        dtype = stage.bvh.triangles.dtype
+        self.stage, self.view, self.sampler, self.n = stage, view, sampler, n
+        self.seconds: Counter[str] = Counter()
+        self.rays: Counter[str] = Counter()
+        self.work = stage.bvh.work(), stage.shadow_bvh.work()
+        self.samples = _batch(n, dtype)
+        self.samples.slot[:] = np.arange(n)
+        self.bounced = [_batch(n, dtype) for _ in range(2 * stage.plan.refraction)]
+        ng = np.empty(3 * n, dtype)
+        ns = np.empty(3 * n, dtype) if stage.plan.smooth else ng
+        self.points = Points(np.empty(3 * n, dtype), ng, ns, np.empty(n, dtype), np.empty(n, np.int32))
+        self.shadows = Shadows(
+            np.empty(3 * n, dtype),
+            np.empty(3 * n, dtype),
+            np.empty(n, dtype),
+            np.empty(n, dtype),
+            np.empty(n, np.bool_),
+        )
+        self.radiance = np.empty(3 * n, dtype)
+        self.zero, self.infinity = np.zeros(1, dtype), np.full(1, np.inf, dtype)
+
+    def add_samples(self, x: NDArray[np.uint32], y: NDArray[np.uint32], first: int, last: int, sums: Any) -> None:
+        """Add samples ``first`` .. ``last - 1`` of all pixels (x, y) of a batch to their sums."""
+        samples, stage = self.samples, self.stage
+        clock = time.perf_counter()
+        camera_rays(self.view, self.sampler, x, y, np.array([first, last]), samples.d)
+        clock = self._lap("camera", clock)
+        origins = Columns(self.view.origin, 0, 0, 1)
+        self._closest(samples, origins, self.n)
+        clock = self._lap("closest hit", clock)
+        self.rays["camera"] += self.n
+        if stage.plan.refraction:
+            self._refract()
+            clock = self._lap("refraction", clock)
+        background(samples.hits, self.radiance, stage.background)
+        if stage.plan.lights:
+            surface(stage.shading, stage.normals, samples.d, samples.hits, self.points)
+            clock = self._lap("surface", clock)
+            for position, flux in zip(stage.light_position, stage.light_flux, strict=True):
+                self._light(position, flux)
+        clock = time.perf_counter()
+        accumulate(self.radiance, sums)
+        self._lap("film", clock)
+
+    def _lap(self, name: str, since: float) -> float:
+        now = time.perf_counter()
+        self.seconds[name] += now - since
+        return now
+
+    def _limit(self, value: NDArray[np.floating]) -> Columns:
+        return Columns(value, 0, 0, 0)
+
+    def _columns(self, array: NDArray[np.floating]) -> Columns:
+        return Columns(array, 0, 1, self.n)
+
+    def _closest(self, batch: Batch, origins: Columns, count: int) -> None:
+        rays = Rays(origins, self._columns(batch.d), self._limit(self.zero), self._limit(self.infinity))
+        query.closest_hit(self.stage.bvh.tree, rays, batch.hits, count, self.work[0])
+
+    def _refract(self) -> None:
+        """Follow samples through interfaces until they land, leave, or have met ``max_depth`` surfaces."""
+        stage = self.stage
+        source, target = self.samples, self.bounced[0]
+        count = refract_rays(stage.shading, stage.normals, source, self.n, target)
+        depth = 1
+        while count and depth < stage.max_depth:
+            source, target = target, self.bounced[depth % 2]
+            self._closest(source, self._columns(source.o), count)
+            self.rays["refraction"] += count
+            land(source, count, self.samples)
+            count = refract_rays(stage.shading, stage.normals, source, count, target)
+            depth += 1
+        self.samples.hits.prim_id[target.slot[:count]] = EXHAUSTED
+
+    def _light(self, position: NDArray[np.floating], flux: NDArray[np.floating]) -> None:
+        shadows = self.shadows
+        clock = time.perf_counter()
+        self.rays["shadow"] += shadow_rays(self.points, position, shadows)
+        clock = self._lap("light", clock)
+        tmax = Columns(shadows.tmax, 0, 1, 0)
+        rays = Rays(self._columns(shadows.o), self._columns(shadows.d), self._limit(self.zero), tmax)
+        query.any_hit(self.stage.shadow_bvh.tree, rays, shadows.occluded, self.n, self.work[1])
+        clock = self._lap("shadow", clock)
+        reflect_light(self.stage.shading, self.points, shadows, flux, self.radiance)
+        self._lap("light", clock)

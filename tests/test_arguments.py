@@ -1,0 +1,54 @@
+from argparse import ArgumentParser, ArgumentTypeError
+
+import pytest
+
+from raytrace.arguments import (
+    RENDER_OPTIONS,
+    layers,
+    one_of,
+    real_number,
+    render_options,
+    suggestion,
+    whole_number,
+    whole_numbers,
+)
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "1.5", "1e3", "many", "", "9" * 5000])
+def test_whole_number_refuses_what_is_out_of_range_or_no_whole_number(text):
+    with pytest.raises(ArgumentTypeError, match="whole number from 1 to"):
+        whole_number(1)(text)
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-1", "1e400", "fast", ""])
+def test_real_number_refuses_what_is_out_of_range_or_no_number(text):
+    with pytest.raises(ArgumentTypeError, match="number from 0 to 100"):
+        real_number(0, 100)(text)
+
+
+@pytest.mark.parametrize("text", ["640", "640x", "640x0", "640x480x3", "640*480", "-1x5", "1.5x2"])
+def test_whole_numbers_refuses_a_wrong_count_a_wrong_separator_and_low_values(text):
+    with pytest.raises(ArgumentTypeError, match="WxH"):
+        whole_numbers("WxH", "x", (1, 1))(text)
+
+
+def test_whole_numbers_takes_either_case_of_the_separator():
+    assert whole_numbers("WxH", "x", (1, 1))("640X480") == (640, 480)
+
+
+def test_layers_keep_their_order_and_a_misspelt_one_gets_a_suggestion():
+    assert layers("normal,depth") == ("normal", "depth")
+    with pytest.raises(ArgumentTypeError, match="did you mean 'normal'"):
+        layers("depth,normals")
+
+
+def test_nothing_is_suggested_for_a_word_that_is_like_none():
+    assert suggestion("zzz", ["sobol"]) == ""
+    with pytest.raises(ArgumentTypeError, match=r"got 'zzz'$"):
+        one_of("sobol", "stratified")("zzz")
+
+
+def test_every_option_that_render_gets_is_declared():
+    parser = ArgumentParser()
+    render_options(parser)
+    assert set(RENDER_OPTIONS) <= vars(parser.parse_args(["scene.json"])).keys()

@@ -1,0 +1,71 @@
+"""The twins of the samplers, against SciPy and what the theory promises."""
+
+import numpy as np
+import pytest
+
+import naive_sampling as twin
+
+PIXELS = [(0, 0, 0), (7, 3, 1), (2**32 - 1, 511, 300)]  # seed, x, y
+
+
+def points(sampler, seed, x, y, n):
+    return twin.film_points(sampler, seed, n, (x, y, 1, 1))[0, 0] - [x, y]
+
+
+def test_raw_points_are_those_of_scipy():
+    qmc = pytest.importorskip("scipy.stats.qmc")
+    theirs = qmc.Sobol(2, scramble=False).random(256)
+    index = np.arange(256, dtype=np.uint64)
+    index ^= index >> np.uint64(1)  # SciPy walks in Gray code order
+    ours = np.stack([twin.to_unit(twin.sobol_raw(index, dim)) for dim in (0, 1)], axis=1)
+    np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("pixel", PIXELS)
+@pytest.mark.parametrize("m", [1, 4, 8])
+def test_scrambled_points_keep_one_in_every_elementary_interval(pixel, m):
+    n = 2**m
+    u = points("sobol", *pixel, n)
+    for k in range(m + 1):  # boxes of 2^-k x 2^-(m-k): a (0, m, 2)-net
+        cells = np.floor(u * [2**k, 2 ** (m - k)]).astype(int)
+        assert len({tuple(cell) for cell in cells}) == n
+
+
+def test_scrambling_differs_between_pixels_and_seeds():
+    sets = [points("sobol", *pixel, 16) for pixel in PIXELS]
+    assert len(np.unique(np.concatenate(sets), axis=0)) == 48
+
+
+@pytest.mark.parametrize("spp", [1, 4, 6, 7, 16])
+@pytest.mark.parametrize("pixel", PIXELS)
+def test_stratified_points_share_no_cell(pixel, spp):
+    u = points("stratified", *pixel, spp)
+    nx = int(np.ceil(np.sqrt(spp)))
+    ny = int(np.ceil(spp / nx))
+    cells = np.floor(u * [nx, ny] + 2.0**-20).astype(int)
+    assert len({tuple(cell) for cell in cells}) == spp
+
+
+@pytest.mark.parametrize("sampler", ["independent", "sobol", "stratified"])
+def test_numbers_are_uniform_over_the_film(sampler):
+    u = twin.film_points(sampler, 5, 4, (0, 0, 64, 64)) % 1
+    counts, _, _ = np.histogram2d(u[..., 0].ravel(), u[..., 1].ravel(), bins=8, range=[(0, 1), (0, 1)])
+    chi2 = np.sum((counts - counts.mean()) ** 2) / counts.mean()
+    assert chi2 < 103.4  # 63 degrees of freedom, alpha = 0.001; stratification only makes it smaller
+
+
+def test_neighbours_in_every_argument_are_uncorrelated():
+    base = twin.uniform(3, *np.meshgrid(*[np.arange(64, dtype=np.uint64)] * 2), np.uint64(0), 0)
+    for seed, dx, s, dim in ((4, 0, 0, 0), (3, 1, 0, 0), (3, 0, 1, 0), (3, 0, 0, 1)):
+        x, y = np.meshgrid(np.arange(64, dtype=np.uint64) + np.uint64(dx), np.arange(64, dtype=np.uint64))
+        r = np.corrcoef(base.ravel(), twin.uniform(seed, x, y, np.uint64(s), dim).ravel())[0, 1]
+        assert abs(r) < 3.9 / 64  # standard error 1 / sqrt(4096), alpha = 1e-4
+
+
+def test_mix_is_a_bijection_on_a_sample_and_integers_agree_with_arrays():
+    h = np.arange(2**16, dtype=np.uint64) * np.uint64(65521)
+    assert len(np.unique(twin.mix(h & np.uint64(twin.MASK)))) == 2**16
+    for seed, x, y in PIXELS:
+        for draw, extra in ((twin.uniform, ()), (twin.owen_sobol, ()), (twin.stratified, (6,))):
+            one = draw(seed, x, y, 5, 1, *extra)
+            assert one == draw(seed, *(np.array([a], np.uint64) for a in (x, y, 5)), 1, *extra)[0]
