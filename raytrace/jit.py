@@ -4,6 +4,8 @@ Every kernel is compiled with
 
 * ``nogil``: tiles run side by side in plain Python threads, so there is no threading layer to abort and Ctrl-C works;
 * ``error_model="numpy"``: 1 / 0 is inf, as the slab test expects, and not an exception that stops vectorisation;
+* no reference counts (``_nrt``): kernels allocate nothing, they are handed their scratch memory; counting cost the
+  traversal three quarters of its time;
 * no ``fastmath``: a miss is inf, NaN means miss, and the watertight edge functions may not be rearranged.
 
 Numba's own cache does not see an edit in a callee that lives in another file. Compiled kernels therefore lie in a
@@ -70,12 +72,13 @@ class _KernelCache(caching.FunctionCache):
     _impl_class = _KernelCacheImpl
 
 
-_CALLED_BY_KERNELS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}  # a third of their compile time
+_OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False}
+_CALLED_BY_KERNELS = _OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}  # a third of their compile time
 
 
 def kernel(function):
     """Compile a function that Python calls; the machine code is kept between processes."""
-    compiled = numba.njit(nogil=True, error_model="numpy")(function)
+    compiled = numba.njit(**_OPTIONS)(function)
     if not numba.config.DISABLE_JIT:
         try:
             compiled._cache = _KernelCache(function)
@@ -86,12 +89,12 @@ def kernel(function):
 
 def inlined(function):
     """Compile a small function that only kernels call; its body is put into theirs."""
-    return numba.njit(nogil=True, error_model="numpy", forceinline=True, **_CALLED_BY_KERNELS)(function)
+    return numba.njit(forceinline=True, **_CALLED_BY_KERNELS)(function)
 
 
 def subroutine(function):
     """Compile a large function that only kernels call, once, beside them."""
-    return numba.njit(nogil=True, error_model="numpy", **_CALLED_BY_KERNELS)(function)
+    return numba.njit(**_CALLED_BY_KERNELS)(function)
 
 
 class on_compile(event.Listener):

@@ -73,7 +73,7 @@ def stratified(seed: Any, x: Any, y: Any, s: Any, dim: int, spp: int) -> Any:
     ny = -(-spp // nx)
     j = (s + key(seed, x, y, 2) % (nx * ny)) % (nx * ny)
     cell, n = ((j % nx), nx) if dim == 0 else ((j // nx), ny)
-    return np.floor((cell + uniform(seed, x, y, s, dim)) / n * 2**24) * 2.0**-24
+    return (cell + uniform(seed, x, y, s, dim)) / n
 
 
 def film_points(

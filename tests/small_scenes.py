@@ -121,5 +121,5 @@ def studio() -> Scene:
         Part(quad((-2, 5, -1), (2, 5, -1), (2, 5, 3), (-2, 5, 3))),  # a roof above the light
     ]
     lights = [((0.5, 4.0, 2.0), (160, 150, 140)), ((-2.5, 1.5, 3.5), (60, 70, 90))]
-    settings = Settings((48, 48), 4, 5, "sobol", "float32", 0)
+    settings = Settings((48, 48), 4, 5, "sobol", "float64", 0)
     return make_scene(parts, lights, look((0.0, 1.6, 5.5), (0.0, 0.85, 0.0), 34), settings, (0.05, 0.1, 0.2))

@@ -47,11 +47,11 @@ def slab_axis(o, d, eps):
 
 
 @inlined
-def make_slabs(ox, oy, oz, dx, dy, dz, eps):
+def make_slabs(o, d, eps):
     """Slabs of rays whose largest direction component lies in [1, 2)."""
-    near_ix, far_ix, near_cx, far_cx = slab_axis(ox, dx, eps)
-    near_iy, far_iy, near_cy, far_cy = slab_axis(oy, dy, eps)
-    near_iz, far_iz, near_cz, far_cz = slab_axis(oz, dz, eps)
+    near_ix, far_ix, near_cx, far_cx = slab_axis(o[0], d[0], eps)
+    near_iy, far_iy, near_cy, far_cy = slab_axis(o[1], d[1], eps)
+    near_iz, far_iz, near_cz, far_cz = slab_axis(o[2], d[2], eps)
     return Slabs(
         near_ix, near_iy, near_iz, near_cx, near_cy, near_cz, far_ix, far_iy, far_iz, far_cx, far_cy, far_cz
     )  # fmt: skip

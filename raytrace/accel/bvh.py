@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace.accel import query
-from raytrace.accel.build import LEAVES, SPLITS, build
+from raytrace.accel.build import LEAVES, build
+from raytrace.accel.grow import SPLITS
 from raytrace.accel.lanes import NODE
 from raytrace.parallel import run
 from raytrace.records import Columns, Hits, Rays, Surface, Work

@@ -32,6 +32,16 @@ def machine_epsilon(a):
     return np.finfo(a.dtype).eps
 
 
+def peek(a, i):
+    """Element ``i`` of the flat array ``a``, which is not negative: so nothing has to be wrapped around."""
+    return a[i]
+
+
+def poke(a, i, x):
+    """Write element ``i`` of the flat array ``a``."""
+    a[i] = x
+
+
 def load(a, i, like):
     """Elements ``i``, ``i + 1``, ... of the flat array ``a``: as many as the constant or the register ``like`` says."""
     return a[i : i + (like if isinstance(like, int) else len(like))].copy()

@@ -245,6 +245,22 @@ _taught(
 )(lanes.machine_epsilon)
 
 
+def _emit_peek(builder, sig, args):
+    at, element, size = _pointer(builder, sig, args)
+    return builder.load(at, align=size, typ=element)
+
+
+def _emit_poke(builder, sig, args):
+    at, _, size = _pointer(builder, sig, args)
+    builder.store(args[2], at, align=size)
+
+
+_taught(lambda a, i: signature(a.dtype, a, types.int64), _emit_peek)(lanes.peek)
+
+
+_taught(lambda a, i, x: signature(types.none, a, types.int64, a.dtype), _emit_poke)(lanes.poke)
+
+
 _taught(_load_type, _emit_load)(lanes.load)
 
 

@@ -20,7 +20,7 @@ from raytrace.accel.lanes import (
     splat,
     store,
 )  # fmt: skip
-from raytrace.accel.traverse import Axes, any_packet, any_single, closest_packet, closest_single
+from raytrace.accel.traverse import Alike, Axes, any_packet, any_single, closest_packet, closest_single
 from raytrace.accel.triangle import Frame
 from raytrace.jit import inlined, kernel
 
@@ -31,6 +31,8 @@ LIFT = 2.0**64  # brings the shortest directions to where their exponent is norm
 def read(columns, i, axis, n, like):
     """Component ``axis`` of rays i, i + 1, ...; past the last ray, that one again."""
     at = columns.start + axis * columns.axis
+    if columns.row == 0:
+        return splat(columns.data[at], like)
     if columns.row == 1 and i + packet_width(columns.data) <= n:
         return load(columns.data, at + i, like)
     rows = lane_numbers(like) + np.int32(i)
@@ -57,33 +59,33 @@ def read_rays(rays, i, n, like):
     scale = power / lift
     tmin = select(alive, tmin * scale, np.inf)
     tmax = select(alive, tmax * scale, -np.inf)
-    return ox, oy, oz, dx * lift * down, dy * lift * down, dz * lift * down, scale, tmin, tmax
+    return (ox, oy, oz), (dx * lift * down, dy * lift * down, dz * lift * down), scale, tmin, tmax
 
 
 @inlined
-def permute(dominant, x, y, z):
+def permute(dominant, a):
     """Components with the dominant one last."""
     if dominant == 0:
-        return y, z, x
+        return a[1], a[2], a[0]
     if dominant == 1:
-        return z, x, y
-    return x, y, z
+        return a[2], a[0], a[1]
+    return a
 
 
 @inlined
-def make_frame(dominant, ox, oy, oz, dx, dy, dz, scale):
+def make_frame(dominant, o, d, scale):
     """Frame of rays that share their dominant axis."""
-    ox, oy, oz = permute(dominant, ox, oy, oz)
-    dx, dy, dz = permute(dominant, dx, dy, dz)
+    ox, oy, oz = permute(dominant, o)
+    dx, dy, dz = permute(dominant, d)
     return Frame(ox, oy, oz, dx, dy, dz, -(dx / dz), -(dy / dz), scale)
 
 
 @inlined
-def kinds_of(dx, dy, dz):
+def kinds_of(d):
     """Bits of the lanes that are negative in x, y, z, and whose dominant axis is x, or else y."""
-    ax, ay, az = absolute(dx), absolute(dy), absolute(dz)
+    ax, ay, az = absolute(d[0]), absolute(d[1]), absolute(d[2])
     on_x = (ax >= ay) & (ax >= az)
-    return bits(dx < 0.0), bits(dy < 0.0), bits(dz < 0.0), bits(on_x), bits(~on_x & (ay >= az))
+    return bits(d[0] < 0.0), bits(d[1] < 0.0), bits(d[2] < 0.0), bits(on_x), bits(~on_x & (ay >= az))
 
 
 @inlined
@@ -130,14 +132,14 @@ def closest_hit(tree, rays, hits, n, work):
     like = packet(tree.nodes.bounds)
     eps = machine_epsilon(tree.nodes.bounds)
     for i in range(0, n, packet_width(tree.nodes.bounds)):
-        ox, oy, oz, dx, dy, dz, scale, tmin, tmax = read_rays(rays, i, n, like)
-        slabs = make_slabs(ox, oy, oz, dx, dy, dz, eps)
-        kinds = kinds_of(dx, dy, dz)
+        o, d, scale, tmin, tmax = read_rays(rays, i, n, like)
+        slabs = make_slabs(o, d, eps)
+        kinds = kinds_of(d)
         alive = bits(tmin < tmax)
         if alike(kinds, alive):
             dominant, axes = kind_of(kinds, first_bit(alive | 1 << 62) % 62)
-            frame = make_frame(dominant, ox, oy, oz, dx, dy, dz, scale)
-            t, prim, u, v = closest_packet(tree, slabs, frame, axes, tmin, tmax, work)
+            frame = make_frame(dominant, o, d, scale)
+            t, prim, u, v = closest_packet(tree, Alike(slabs, frame, axes, tmin), tmax, work)
             write(hits.t, i, n, select(prim < 0, np.inf, t / scale))
             write(hits.prim_id, i, n, prim)
             write(hits.u, i, n, u)
@@ -145,8 +147,8 @@ def closest_hit(tree, rays, hits, n, work):
             continue
         for k in range(min(n - i, packet_width(tree.nodes.bounds))):
             dominant, axes = kind_of(kinds, k)
-            frame = make_frame(dominant, ox[k], oy[k], oz[k], dx[k], dy[k], dz[k], scale[k])
-            t_k, prim_k, u_k, v_k = closest_single(tree, slabs_of(slabs, k), frame, axes, tmin[k], tmax[k], work)
+            frame = make_frame(dominant, (o[0][k], o[1][k], o[2][k]), (d[0][k], d[1][k], d[2][k]), scale[k])
+            t_k, prim_k, u_k, v_k = closest_single(tree, Alike(slabs_of(slabs, k), frame, axes, tmin[k]), tmax[k], work)
             hits.t[i + k] = np.inf if prim_k < 0 else t_k / scale[k]
             hits.prim_id[i + k] = prim_k
             hits.u[i + k] = u_k
@@ -159,19 +161,19 @@ def any_hit(tree, rays, occluded, n, work):
     like = packet(tree.nodes.bounds)
     eps = machine_epsilon(tree.nodes.bounds)
     for i in range(0, n, packet_width(tree.nodes.bounds)):
-        ox, oy, oz, dx, dy, dz, scale, tmin, tmax = read_rays(rays, i, n, like)
-        slabs = make_slabs(ox, oy, oz, dx, dy, dz, eps)
-        kinds = kinds_of(dx, dy, dz)
+        o, d, scale, tmin, tmax = read_rays(rays, i, n, like)
+        slabs = make_slabs(o, d, eps)
+        kinds = kinds_of(d)
         alive = bits(tmin < tmax)
         hit = 0
         if alike(kinds, alive):
             dominant, axes = kind_of(kinds, first_bit(alive | 1 << 62) % 62)
-            frame = make_frame(dominant, ox, oy, oz, dx, dy, dz, scale)
-            hit = any_packet(tree, slabs, frame, axes, tmin, tmax, work)
+            frame = make_frame(dominant, o, d, scale)
+            hit = any_packet(tree, Alike(slabs, frame, axes, tmin), tmax, work)
         else:
             for k in range(min(n - i, packet_width(tree.nodes.bounds))):
                 dominant, axes = kind_of(kinds, k)
-                frame = make_frame(dominant, ox[k], oy[k], oz[k], dx[k], dy[k], dz[k], scale[k])
-                hit |= any_single(tree, slabs_of(slabs, k), frame, axes, tmin[k], tmax[k], work) << k
+                frame = make_frame(dominant, (o[0][k], o[1][k], o[2][k]), (d[0][k], d[1][k], d[2][k]), scale[k])
+                hit |= any_single(tree, Alike(slabs_of(slabs, k), frame, axes, tmin[k]), tmax[k], work) << k
         for k in range(min(n - i, packet_width(tree.nodes.bounds))):
             occluded[i + k] = hit >> k & 1

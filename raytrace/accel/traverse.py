@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.accel.box import slab_test
-from raytrace.accel.lanes import NODE, bits, first_bit, lane_max, lane_min, load, select, splat, splat_int
-from raytrace.accel.triangle import intersect
+from raytrace.accel.box import Slabs, slab_test
+from raytrace.accel.lanes import NODE, bits, first_bit, lane_max, lane_min, load, peek, poke, select, splat, splat_int
+from raytrace.accel.triangle import Frame, intersect
 from raytrace.jit import inlined, subroutine
 
 PLANES = 6 * NODE  # numbers of a node: low and high planes of three axes
@@ -27,6 +27,15 @@ class Axes(NamedTuple):
     z: int
 
 
+class Alike(NamedTuple):
+    """Rays of one kind: lanes for a packet, numbers for a single ray."""
+
+    slabs: Slabs
+    frame: Frame
+    axes: Axes
+    tmin: float
+
+
 @inlined
 def start(work):
     """Put the root on the stack."""
@@ -39,20 +48,20 @@ def start(work):
 def push(work, base, top, t, child):
     """Put a child on the stack, which above ``base`` is sorted with the nearest on top."""
     k = top
-    while k > base and work.t[k - 1] < t:
-        work.t[k] = work.t[k - 1]
-        work.child[k] = work.child[k - 1]
+    while k > base and peek(work.t, k - 1) < t:
+        poke(work.t, k, peek(work.t, k - 1))
+        poke(work.child, k, peek(work.child, k - 1))
         k -= 1
-    work.t[k] = t
-    work.child[k] = child
+    poke(work.t, k, t)
+    poke(work.child, k, child)
     return top + 1
 
 
 @inlined
 def planes_of(bounds, at, axes):
     """Near and far x, y, z planes of one box: numbers."""
-    near = bounds[at + axes.near_x], bounds[at + axes.near_y], bounds[at + axes.near_z]
-    far = bounds[at + 24 - axes.near_x], bounds[at + 40 - axes.near_y], bounds[at + 56 - axes.near_z]
+    near = peek(bounds, at + axes.near_x), peek(bounds, at + axes.near_y), peek(bounds, at + axes.near_z)
+    far = peek(bounds, at + 24 - axes.near_x), peek(bounds, at + 40 - axes.near_y), peek(bounds, at + 56 - axes.near_z)
     return near, far
 
 
@@ -71,7 +80,7 @@ def planes_of_node(bounds, at, axes):
 @inlined
 def corner(rows, at, axes):
     """x, y, z of one triangle's vertex or normal, in the axes of the rays."""
-    return rows[at + axes.x], rows[at + axes.y], rows[at + axes.z]
+    return peek(rows, at + axes.x), peek(rows, at + axes.y), peek(rows, at + axes.z)
 
 
 @inlined
@@ -81,15 +90,15 @@ def corners(rows, at, axes):
 
 
 @inlined
-def enter_packet(nodes, node, slabs, axes, tmin, tmax, top, work):
+def enter_packet(nodes, node, rays, tmax, top, work):
     """Push the children of a node that any ray of a packet enters."""
     base = top
     for k in range(NODE):
-        child = nodes.child[node * NODE + k]
+        child = peek(nodes.child, node * NODE + k)
         if child == 0:
             break
-        near, far = planes_of(nodes.bounds, node * PLANES + k, axes)
-        t, entered = slab_test(slabs, near, far, tmin, tmax)
+        near, far = planes_of(nodes.bounds, node * PLANES + k, rays.axes)
+        t, entered = slab_test(rays.slabs, near, far, rays.tmin, tmax)
         if bits(entered) != 0:
             top = push(work, base, top, lane_min(select(entered, t, np.inf)), child)
     work.counts[0] += 1
@@ -97,43 +106,43 @@ def enter_packet(nodes, node, slabs, axes, tmin, tmax, top, work):
 
 
 @inlined
-def enter_single(nodes, node, slabs, axes, tmin, tmax, top, work):
+def enter_single(nodes, node, rays, tmax, top, work):
     """Push the children of a node that a ray enters."""
-    near, far = planes_of_node(nodes.bounds, node * PLANES, axes)
-    t, entered = slab_test(slabs, near, far, tmin, tmax)
+    near, far = planes_of_node(nodes.bounds, node * PLANES, rays.axes)
+    t, entered = slab_test(rays.slabs, near, far, rays.tmin, tmax)
     left = bits(entered)
     base = top
     while left != 0:
         k = first_bit(left)
         left &= left - 1
-        top = push(work, base, top, t[k], nodes.child[node * NODE + k])
+        top = push(work, base, top, t[k], peek(nodes.child, node * NODE + k))
     work.counts[0] += 1
     return top
 
 
 @subroutine
-def closest_packet(tree, slabs, frame, axes, tmin, tmax, work):
+def closest_packet(tree, rays, tmax, work):
     """Nearest hits of a packet of one kind: t (tmax where none), prim_id, u, v. Lanes with tmax = -inf are dead."""
-    nodes, leaves = tree.nodes, tree.leaves
+    nodes, leaves, axes, tmin = tree.nodes, tree.leaves, rays.axes, rays.tmin
     t, u, v, prim = tmax, splat(0.0, tmax), splat(0.0, tmax), splat_int(-1, tmax)
     farthest = lane_max(t)
-    top = start(work)
+    top, tested = start(work), 0
     while top > 0:
         top -= 1
-        if work.t[top] > farthest:
+        if peek(work.t, top) > farthest:
             continue
-        child = work.child[top]
+        child = peek(work.child, top)
         if child >= 0:
-            top = enter_packet(nodes, child, slabs, axes, tmin, t, top, work)
+            top = enter_packet(nodes, child, rays, t, top, work)
             continue
         at = ~child * ROWS
         for k in range(NODE):
-            number = leaves.prim_id[~child * NODE + k]
+            number = peek(leaves.prim_id, ~child * NODE + k)
             if number < 0:
                 break
-            work.counts[1] += 1
+            tested += 1
             inside, t_new, u_new, v_new = intersect(
-                leaves, frame, corner(leaves.rows, at + k, axes), corner(leaves.rows, at + 24 + k, axes),
+                leaves, rays.frame, corner(leaves.rows, at + k, axes), corner(leaves.rows, at + 24 + k, axes),
                 corner(leaves.rows, at + 48 + k, axes), corner(leaves.rows, at + 72 + k, axes),
             )  # fmt: skip
             inside = inside & (t_new > tmin) & ((t_new < t) | ((t_new == t) & (number < prim)))
@@ -143,59 +152,61 @@ def closest_packet(tree, slabs, frame, axes, tmin, tmax, work):
                 v = select(inside, v_new, v)
                 prim = select(inside, number, prim)
         farthest = lane_max(t)
+    work.counts[1] += tested
     return t, prim, u, v
 
 
 @subroutine
-def closest_single(tree, slabs, frame, axes, tmin, tmax, work):
+def closest_single(tree, rays, tmax, work):
     """Nearest hit of one ray: t (tmax where none), prim_id, u, v."""
-    nodes, leaves = tree.nodes, tree.leaves
+    nodes, leaves, axes, tmin = tree.nodes, tree.leaves, rays.axes, rays.tmin
     t, u, v, prim = tmax, tmin, tmin, np.int32(-1)
-    top = start(work)
+    top, tested = start(work), 0
     while top > 0:
         top -= 1
-        if work.t[top] > t:
+        if peek(work.t, top) > t:
             continue
-        child = work.child[top]
+        child = peek(work.child, top)
         if child >= 0:
-            top = enter_single(nodes, child, slabs, axes, tmin, t, top, work)
+            top = enter_single(nodes, child, rays, t, top, work)
             continue
         at = ~child * ROWS
-        work.counts[1] += NODE
+        tested += NODE
         inside, t_new, u_new, v_new = intersect(
-            leaves, frame, corners(leaves.rows, at, axes), corners(leaves.rows, at + 24, axes),
+            leaves, rays.frame, corners(leaves.rows, at, axes), corners(leaves.rows, at + 24, axes),
             corners(leaves.rows, at + 48, axes), corners(leaves.rows, at + 72, axes),
         )  # fmt: skip
         left = bits(inside & (t_new > tmin) & (t_new <= t))
         while left != 0:
             k = first_bit(left)
             left &= left - 1
-            number = leaves.prim_id[~child * NODE + k]
+            number = peek(leaves.prim_id, ~child * NODE + k)
             if t_new[k] < t or (t_new[k] == t and number < prim):
                 t, u, v, prim = t_new[k], u_new[k], v_new[k], number
+    work.counts[1] += tested
     return t, prim, u, v
 
 
 @subroutine
-def any_packet(tree, slabs, frame, axes, tmin, tmax, work):
+def any_packet(tree, rays, tmax, work):
     """Bits of the rays of a packet of one kind that hit anything. Lanes with tmax = -inf are dead."""
-    nodes, leaves = tree.nodes, tree.leaves
+    nodes, leaves, axes, tmin = tree.nodes, tree.leaves, rays.axes, rays.tmin
     occluded = 0
     alive = bits(tmin < tmax)
-    top = start(work)
+    top, tested = start(work), 0
     while top > 0:
         top -= 1
-        child = work.child[top]
+        child = peek(work.child, top)
         if child >= 0:
-            top = enter_packet(nodes, child, slabs, axes, tmin, tmax, top, work)
+            top = enter_packet(nodes, child, rays, tmax, top, work)
             continue
         at = ~child * ROWS
         for k in range(NODE):
-            if leaves.prim_id[~child * NODE + k] < 0:
+            if peek(leaves.prim_id, ~child * NODE + k) < 0:
                 break
-            work.counts[1] += 1
+            tested += 1
             inside, t, _, _ = intersect(
-                leaves, frame, corner(leaves.rows, at + k, axes), corner(leaves.rows, at + 24 + k, axes),
+                leaves, rays.frame, corner(leaves.rows, at + k, axes), corner(leaves.rows, at + 24 + k, axes),
                 corner(leaves.rows, at + 48 + k, axes), corner(leaves.rows, at + 72 + k, axes),
             )  # fmt: skip
             inside = inside & (t > tmin) & (t < tmax)
@@ -204,26 +215,29 @@ def any_packet(tree, slabs, frame, axes, tmin, tmax, work):
                 tmax = select(inside, -np.inf, tmax)
         if occluded == alive:
             break
+    work.counts[1] += tested
     return occluded
 
 
 @subroutine
-def any_single(tree, slabs, frame, axes, tmin, tmax, work):
+def any_single(tree, rays, tmax, work):
     """Whether one ray hits anything."""
-    nodes, leaves = tree.nodes, tree.leaves
-    top = start(work)
+    nodes, leaves, axes, tmin = tree.nodes, tree.leaves, rays.axes, rays.tmin
+    top, tested = start(work), 0
     while top > 0:
         top -= 1
-        child = work.child[top]
+        child = peek(work.child, top)
         if child >= 0:
-            top = enter_single(nodes, child, slabs, axes, tmin, tmax, top, work)
+            top = enter_single(nodes, child, rays, tmax, top, work)
             continue
         at = ~child * ROWS
-        work.counts[1] += NODE
+        tested += NODE
         inside, t, _, _ = intersect(
-            leaves, frame, corners(leaves.rows, at, axes), corners(leaves.rows, at + 24, axes),
+            leaves, rays.frame, corners(leaves.rows, at, axes), corners(leaves.rows, at + 24, axes),
             corners(leaves.rows, at + 48, axes), corners(leaves.rows, at + 72, axes),
         )  # fmt: skip
         if bits(inside & (t > tmin) & (t < tmax)) != 0:
+            work.counts[1] += tested
             return True
+    work.counts[1] += tested
     return False

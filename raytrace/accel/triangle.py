@@ -47,46 +47,48 @@ def same_side(u, v, w):
 
 
 @inlined
+def normal_part(n, a):
+    """N . a without a rounding that is not relative to its own terms."""
+    return fma(n[0], a[0], fma(n[1], a[1], n[2] * a[2]))
+
+
+@inlined
 def watertight(frame, v0, v1, v2, n):
     """Mask, t, u, v of rays and triangles; t, u, v are meaningless where the mask is False.
 
     Inclusion after Woop, Benthin and Wald 2013: neighbours see the same sheared vertices, and so agree exactly about
-    their shared edge. Distance from the plane: h = sum b_i v_i' has x = y = 0 but for the rounding of the weights b,
-    which moves h within the plane; the ray itself meets it at z = h_z + (n_x h_x + n_y h_y) / (n . d / d_z).
+    their shared edge. Distance from the plane, for the weights alone are too rough in slivers: every vertex lies at the
+    same height n . (v - o) over the origin, so z = height / (n . d / d_z), with the vertex counting most that is nearest
+    to the hit. It is kept within the triangle's own range of z, also where the ray all but lies in the plane.
     """
-    az = v0[2] - frame.oz
-    bz = v1[2] - frame.oz
-    cz = v2[2] - frame.oz
-    ax = fma(frame.sx, az, v0[0] - frame.ox)
-    ay = fma(frame.sy, az, v0[1] - frame.oy)
-    bx = fma(frame.sx, bz, v1[0] - frame.ox)
-    by = fma(frame.sy, bz, v1[1] - frame.oy)
-    cx = fma(frame.sx, cz, v2[0] - frame.ox)
-    cy = fma(frame.sy, cz, v2[1] - frame.oy)
-    a = edge(cx, cy, bx, by)
-    b = edge(ax, ay, cx, cy)
-    c = edge(bx, by, ax, ay)
-    inside = same_side(a, b, c)
+    a = v0[0] - frame.ox, v0[1] - frame.oy, v0[2] - frame.oz
+    b = v1[0] - frame.ox, v1[1] - frame.oy, v1[2] - frame.oz
+    c = v2[0] - frame.ox, v2[1] - frame.oy, v2[2] - frame.oz
+    ax, ay = fma(frame.sx, a[2], a[0]), fma(frame.sy, a[2], a[1])
+    bx, by = fma(frame.sx, b[2], b[0]), fma(frame.sy, b[2], b[1])
+    cx, cy = fma(frame.sx, c[2], c[0]), fma(frame.sy, c[2], c[1])
+    u = edge(cx, cy, bx, by)
+    v = edge(ax, ay, cx, cy)
+    w = edge(bx, by, ax, ay)
+    inside = same_side(u, v, w)
     if bits(inside) == 0:
-        return inside, a, b, c
-    if bits(inside & ((a == 0.0) | (b == 0.0) | (c == 0.0))) != 0:
-        a = edge_tie(a, cx, cy, bx, by)
-        b = edge_tie(b, ax, ay, cx, cy)
-        c = edge_tie(c, bx, by, ax, ay)
-        inside = same_side(a, b, c)
-    area = a + b + c
+        return inside, u, v, w
+    if bits(inside & ((u == 0.0) | (v == 0.0) | (w == 0.0))) != 0:
+        u = edge_tie(u, cx, cy, bx, by)
+        v = edge_tie(v, ax, ay, cx, cy)
+        w = edge_tie(w, bx, by, ax, ay)
+        inside = same_side(u, v, w)
+    area = u + v + w
     inside = inside & (absolute(area) > 0.0)  # zero: the ray lies in the plane; NaN: a miss
     scale = 1.0 / area
-    a = a * scale
-    b = b * scale
-    c = c * scale
-    hx = fma(a, ax, fma(b, bx, c * cx))
-    hy = fma(a, ay, fma(b, by, c * cy))
-    hz = fma(a, az, fma(b, bz, c * cz))
-    slope = n[2] - fma(n[0], frame.sx, n[1] * frame.sy)
-    z = hz + fma(n[0], hx, n[1] * hy) / slope
-    z = maximum(minimum(z, maximum(maximum(az, bz), cz)), minimum(minimum(az, bz), cz))
-    return inside, z / frame.dz, b, c
+    u = u * scale
+    v = v * scale
+    w = w * scale
+    height = fma(u, normal_part(n, a), fma(v, normal_part(n, b), w * normal_part(n, c)))
+    z = height / (n[2] - fma(n[0], frame.sx, n[1] * frame.sy))
+    low = minimum(minimum(a[2], b[2]), c[2])
+    high = maximum(maximum(a[2], b[2]), c[2])
+    return inside, maximum(minimum(z, high), low) / frame.dz, v, w
 
 
 @inlined

@@ -1,0 +1,77 @@
+"""From a binary tree to what rays walk: eight children a node, eight triangles a leaf, side by side in lanes."""
+
+import numpy as np
+
+from raytrace.accel.boxes import half_area
+from raytrace.accel.lanes import NODE, machine_epsilon
+from raytrace.jit import inlined, kernel
+
+WIDEN = 8.0  # machine epsilons of a leaf's largest coordinate: the rounding of the triangle test stays inside its box
+
+
+@inlined
+def open_widest(tree, kids, number):
+    """Replace the inner child of largest area by its two children; False where all are leaves."""
+    widest, largest = -1, -1.0
+    for k in range(number):
+        if tree.left[kids[k]] > 0 and half_area(tree.bounds[kids[k]]) > largest:
+            widest, largest = k, half_area(tree.bounds[kids[k]])
+    if widest < 0:
+        return False
+    left = tree.left[kids[widest]]
+    kids[widest], kids[number] = left, left + 1
+    return True
+
+
+@inlined
+def fill_leaf(tree, node, leaves, leaf, triangles):
+    """Copy the triangles of a binary leaf into the lanes of a leaf."""
+    begin, count = tree.first[node], tree.count[node]
+    for k in range(NODE):
+        number = tree.order[begin + k] if k < count else -1
+        leaves.prim_id[leaf * NODE + k] = number
+        for row in range(12):
+            leaves.rows[(leaf * 12 + row) * NODE + k] = triangles[number, row] if k < count else 0.0
+
+
+@inlined
+def fill_box(nodes, node, k, box, eps):
+    """Write a child's bounds, widened by the rounding of what is tested inside."""
+    largest = 0.0
+    for axis in range(6):
+        largest = max(largest, abs(box[axis]))
+    for axis in range(3):
+        nodes.bounds[(node * 6 + axis) * NODE + k] = box[axis] - largest * (WIDEN * eps)
+        nodes.bounds[(node * 6 + axis + 3) * NODE + k] = box[axis + 3] + largest * (WIDEN * eps)
+
+
+@kernel
+def flatten(tree, nodes, leaves, triangles, stack, kids):
+    """Collapse a binary tree into nodes of eight, opening the widest child first; numbers of nodes, leaves, levels."""
+    eps = machine_epsilon(nodes.bounds)
+    stack[0, :] = 0
+    number_of_nodes, number_of_leaves, levels, top = 1, 0, 1, 1
+    while top > 0:
+        top -= 1
+        source, node, level = stack[top, 0], stack[top, 1], stack[top, 2]
+        levels = max(levels, level + 1)
+        kids[0], number = source, 1
+        while number < NODE and open_widest(tree, kids, number):
+            number += 1
+        for k in range(NODE):
+            nodes.child[node * NODE + k] = 0
+            if k >= number:
+                for row in range(6):
+                    nodes.bounds[(node * 6 + row) * NODE + k] = np.inf if row < 3 else -np.inf
+                continue
+            fill_box(nodes, node, k, tree.bounds[kids[k]], eps)
+            if tree.left[kids[k]] == 0:
+                fill_leaf(tree, kids[k], leaves, number_of_leaves, triangles)
+                nodes.child[node * NODE + k] = ~number_of_leaves
+                number_of_leaves += 1
+                continue
+            nodes.child[node * NODE + k] = number_of_nodes
+            stack[top, 0], stack[top, 1], stack[top, 2] = kids[k], number_of_nodes, level + 1
+            number_of_nodes += 1
+            top += 1
+    return number_of_nodes, number_of_leaves, levels
