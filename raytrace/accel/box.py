@@ -5,7 +5,7 @@ from typing import NamedTuple
 from raytrace.accel.lanes import absolute, fma, maximum, minimum, select
 from raytrace.jit import inlined
 
-MIN_DIRECTION = 2.0**-60  # of a direction scaled to [1, 2): smaller components would make o / d overflow
+MIN_DIRECTION = 2.0**-60  # of directions of ordinary length: smaller components would make o / d overflow
 
 
 class Slabs(NamedTuple):
@@ -48,7 +48,7 @@ def slab_axis(o, d, eps):
 
 @inlined
 def make_slabs(o, d, eps):
-    """Slabs of rays whose largest direction component lies in [1, 2)."""
+    """Slabs of rays of ordinary length."""
     near_ix, far_ix, near_cx, far_cx = slab_axis(o[0], d[0], eps)
     near_iy, far_iy, near_cy, far_cy = slab_axis(o[1], d[1], eps)
     near_iz, far_iz, near_cz, far_cz = slab_axis(o[2], d[2], eps)

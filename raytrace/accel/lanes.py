@@ -42,6 +42,10 @@ def poke(a, i, x):
     a[i] = x
 
 
+def prefetch(a, i):
+    """Bring element ``i`` of the flat array ``a`` and its neighbours near; it is not read."""
+
+
 def load(a, i, like):
     """Elements ``i``, ``i + 1``, ... of the flat array ``a``: as many as the constant or the register ``like`` says."""
     return a[i : i + (like if isinstance(like, int) else len(like))].copy()

@@ -261,6 +261,15 @@ _taught(lambda a, i: signature(a.dtype, a, types.int64), _emit_peek)(lanes.peek)
 _taught(lambda a, i, x: signature(types.none, a, types.int64, a.dtype), _emit_poke)(lanes.poke)
 
 
+def _emit_prefetch(builder, sig, args):
+    at, _, _ = _pointer(builder, sig, args)
+    read, keep, data = I32(0), I32(3), I32(1)
+    _intrinsic(builder, "llvm.prefetch.p0", ir.VoidType(), [at, read, keep, data])
+
+
+_taught(lambda a, i: signature(types.none, a, types.int64), _emit_prefetch)(lanes.prefetch)
+
+
 _taught(_load_type, _emit_load)(lanes.load)
 
 

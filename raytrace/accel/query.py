@@ -22,8 +22,10 @@ from raytrace.accel.lanes import (
 )  # fmt: skip
 from raytrace.accel.traverse import Alike, Axes, any_packet, any_single, closest_packet, closest_single
 from raytrace.accel.triangle import Frame
+from raytrace.accel.vectors import scaled
 from raytrace.jit import inlined, kernel
 
+ORDINARY = 2.0**20  # directions whose largest component lies within 1 / this .. this are taken as they are
 LIFT = 2.0**64  # brings the shortest directions to where their exponent is normal
 
 
@@ -42,24 +44,25 @@ def read(columns, i, axis, n, like):
 
 @inlined
 def read_rays(rays, i, n, like):
-    """Origins, directions scaled to a largest component in [1, 2), that scale, tmin and tmax in units of it.
+    """Origins, directions, their scale, tmin and tmax in units of the scaled directions.
 
-    Scaling by a power of two is exact. Rays that can't hit (not finite, no length, an empty range, past the last) get
-    tmax = -inf.
+    Packets with extreme directions have all of theirs scaled to a largest component in [1, 2), by powers of two, which
+    is exact. Rays that can't hit (not finite, no length, an empty range, past the last) get tmax = -inf.
     """
-    ox, oy, oz = read(rays.o, i, 0, n, like), read(rays.o, i, 1, n, like), read(rays.o, i, 2, n, like)
-    dx, dy, dz = read(rays.d, i, 0, n, like), read(rays.d, i, 1, n, like), read(rays.d, i, 2, n, like)
+    o = read(rays.o, i, 0, n, like), read(rays.o, i, 1, n, like), read(rays.o, i, 2, n, like)
+    d = read(rays.d, i, 0, n, like), read(rays.d, i, 1, n, like), read(rays.d, i, 2, n, like)
     tmin, tmax = read(rays.tmin, i, 0, n, like), read(rays.tmax, i, 0, n, like)
-    longest = maximum(maximum(absolute(dx), absolute(dy)), absolute(dz))
-    zero = ((ox - ox) + (oy - oy) + (oz - oz)) + ((dx - dx) + (dy - dy) + (dz - dz))  # NaN unless all are finite
+    zero = ((o[0] - o[0]) + (o[1] - o[1]) + (o[2] - o[2])) + ((d[0] - d[0]) + (d[1] - d[1]) + (d[2] - d[2]))
+    longest = maximum(maximum(absolute(d[0]), absolute(d[1])), absolute(d[2]))
     alive = (zero == 0.0) & (longest > 0.0) & (tmin < tmax) & (lane_numbers(like) < np.int32(n - i))
-    lift = select(longest < 1.0 / LIFT, LIFT, splat(1.0, like))
-    power = power_of_two(longest * lift)
-    down = 1.0 / power
-    scale = power / lift
-    tmin = select(alive, tmin * scale, np.inf)
-    tmax = select(alive, tmax * scale, -np.inf)
-    return (ox, oy, oz), (dx * lift * down, dy * lift * down, dz * lift * down), scale, tmin, tmax
+    scale = splat(1.0, like)
+    if bits(alive & ((longest < 1.0 / ORDINARY) | (longest > ORDINARY))) != 0:
+        lift = select(longest < 1.0 / LIFT, LIFT, scale)
+        scale = power_of_two(longest * lift)
+        d = scaled(scaled(d, lift), 1.0 / scale)
+        scale = scale / lift
+        tmin, tmax = tmin * scale, tmax * scale
+    return o, d, scale, select(alive, tmin, np.inf), select(alive, tmax, -np.inf)
 
 
 @inlined

@@ -8,12 +8,27 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.accel.box import Slabs, slab_test
-from raytrace.accel.lanes import NODE, bits, first_bit, lane_max, lane_min, load, peek, poke, select, splat, splat_int
+from raytrace.accel.lanes import (
+    NODE,
+    bits,
+    first_bit,
+    lane_max,
+    lane_min,
+    load,
+    peek,
+    poke,
+    prefetch,
+    select,
+    splat,
+    splat_int,
+)
 from raytrace.accel.triangle import Frame, intersect
-from raytrace.jit import inlined, subroutine
+from raytrace.jit import inlined
 
 PLANES = 6 * NODE  # numbers of a node: low and high planes of three axes
 ROWS = 12 * NODE  # numbers of a leaf: three vertices and a normal
+ROOT = np.int32(0)
+NOTHING = np.int32(-(2**31))  # no child
 
 
 class Axes(NamedTuple):
@@ -106,21 +121,54 @@ def enter_packet(nodes, node, rays, tmax, top, work):
 
 
 @inlined
-def enter_single(nodes, node, rays, tmax, top, work):
-    """Push the children of a node that a ray enters."""
-    near, far = planes_of_node(nodes.bounds, node * PLANES, rays.axes)
+def fetch(tree, child):
+    """Ask for a node or leaf before it is its turn."""
+    if child >= 0:
+        for line in range(0, PLANES, 16):
+            prefetch(tree.nodes.bounds, child * PLANES + line)
+        prefetch(tree.nodes.child, child * NODE)
+    else:
+        for line in range(0, 72, 16):
+            prefetch(tree.leaves.rows, ~child * ROWS + line)
+
+
+@inlined
+def enter_single(tree, node, rays, tmax, top, work):
+    """The nearest child of a node that a ray enters, or NOTHING; the others go on the stack, whose height it returns."""
+    near, far = planes_of_node(tree.nodes.bounds, node * PLANES, rays.axes)
     t, entered = slab_test(rays.slabs, near, far, rays.tmin, tmax)
+    work.counts[0] += 1
     left = bits(entered)
+    if left == 0:
+        return NOTHING, top
+    k = first_bit(left)
+    left &= left - 1
+    nearest, t_nearest = peek(tree.nodes.child, node * NODE + k), t[k]
+    fetch(tree, nearest)
     base = top
     while left != 0:
         k = first_bit(left)
         left &= left - 1
-        top = push(work, base, top, t[k], peek(nodes.child, node * NODE + k))
-    work.counts[0] += 1
-    return top
+        child, t_child = peek(tree.nodes.child, node * NODE + k), t[k]
+        fetch(tree, child)
+        if t_child < t_nearest:
+            nearest, child = child, nearest
+            t_nearest, t_child = t_child, t_nearest
+        top = push(work, base, top, t_child, child)
+    return nearest, top
 
 
-@subroutine
+@inlined
+def pop(work, top, tmax):
+    """The nearest child on the stack that is not behind tmax, or NOTHING; and the height of the stack."""
+    while top > 0:
+        top -= 1
+        if peek(work.t, top) <= tmax:
+            return peek(work.child, top), top
+    return NOTHING, top
+
+
+@inlined
 def closest_packet(tree, rays, tmax, work):
     """Nearest hits of a packet of one kind: t (tmax where none), prim_id, u, v. Lanes with tmax = -inf are dead."""
     nodes, leaves, axes, tmin = tree.nodes, tree.leaves, rays.axes, rays.tmin
@@ -156,19 +204,17 @@ def closest_packet(tree, rays, tmax, work):
     return t, prim, u, v
 
 
-@subroutine
+@inlined
 def closest_single(tree, rays, tmax, work):
     """Nearest hit of one ray: t (tmax where none), prim_id, u, v."""
-    nodes, leaves, axes, tmin = tree.nodes, tree.leaves, rays.axes, rays.tmin
+    leaves, axes, tmin = tree.leaves, rays.axes, rays.tmin
     t, u, v, prim = tmax, tmin, tmin, np.int32(-1)
-    top, tested = start(work), 0
-    while top > 0:
-        top -= 1
-        if peek(work.t, top) > t:
-            continue
-        child = peek(work.child, top)
+    child, top, tested = ROOT, 0, 0
+    while child != NOTHING:
         if child >= 0:
-            top = enter_single(nodes, child, rays, t, top, work)
+            child, top = enter_single(tree, child, rays, t, top, work)
+            if child == NOTHING:
+                child, top = pop(work, top, t)
             continue
         at = ~child * ROWS
         tested += NODE
@@ -183,11 +229,12 @@ def closest_single(tree, rays, tmax, work):
             number = peek(leaves.prim_id, ~child * NODE + k)
             if t_new[k] < t or (t_new[k] == t and number < prim):
                 t, u, v, prim = t_new[k], u_new[k], v_new[k], number
+        child, top = pop(work, top, t)
     work.counts[1] += tested
     return t, prim, u, v
 
 
-@subroutine
+@inlined
 def any_packet(tree, rays, tmax, work):
     """Bits of the rays of a packet of one kind that hit anything. Lanes with tmax = -inf are dead."""
     nodes, leaves, axes, tmin = tree.nodes, tree.leaves, rays.axes, rays.tmin
@@ -219,16 +266,16 @@ def any_packet(tree, rays, tmax, work):
     return occluded
 
 
-@subroutine
+@inlined
 def any_single(tree, rays, tmax, work):
     """Whether one ray hits anything."""
-    nodes, leaves, axes, tmin = tree.nodes, tree.leaves, rays.axes, rays.tmin
-    top, tested = start(work), 0
-    while top > 0:
-        top -= 1
-        child = peek(work.child, top)
+    leaves, axes, tmin = tree.leaves, rays.axes, rays.tmin
+    child, top, tested = ROOT, 0, 0
+    while child != NOTHING:
         if child >= 0:
-            top = enter_single(nodes, child, rays, tmax, top, work)
+            child, top = enter_single(tree, child, rays, tmax, top, work)
+            if child == NOTHING:
+                child, top = pop(work, top, tmax)
             continue
         at = ~child * ROWS
         tested += NODE
@@ -239,5 +286,6 @@ def any_single(tree, rays, tmax, work):
         if bits(inside & (t > tmin) & (t < tmax)) != 0:
             work.counts[1] += tested
             return True
+        child, top = pop(work, top, tmax)
     work.counts[1] += tested
     return False

@@ -3,9 +3,9 @@
 import numpy as np
 
 from raytrace.accel.lanes import count, load, packet, packet_width, select, splat, sqrt, store
+from raytrace.accel.vectors import dot
 from raytrace.jit import kernel
 from raytrace.passes.surface import load3, row_of, spawn, store3
-from raytrace.passes.vectors import dot
 
 FOUR_PI = 4.0 * np.pi
 

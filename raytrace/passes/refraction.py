@@ -17,9 +17,9 @@ from raytrace.accel.lanes import (
     splat,
     sqrt,
 )  # fmt: skip
+from raytrace.accel.vectors import choose3, dot, scaled, unit
 from raytrace.jit import inlined, kernel
 from raytrace.passes.surface import load3, point_on, row_of, shading_normal, spawn
-from raytrace.passes.vectors import choose3, dot, scaled, unit
 
 
 @inlined

@@ -1,0 +1,468 @@
+"""``render``: the same bits whatever the threads, tiles and crop; options, cancel, time limit, statistics, memory."""
+
+import dataclasses
+import itertools
+import threading
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import raytrace as rt
+from raytrace import rendering
+from raytrace.passes.film import LUMINANCE
+from raytrace.rendering import Progress
+from small_scenes import Part, glass, look, make_scene, quad, studio
+
+ROOT = Path(__file__).parents[1]
+BOX = ROOT / "scenes" / "cornell-box.json"
+GLASS = ROOT / "scenes" / "cornell-box-glass.json"
+SPHERE = ROOT / "scenes" / "glass-sphere.json"
+SAMPLERS = ["sobol", "stratified", "independent"]
+PRECISIONS = ["float32", "float64"]
+TILE = rendering.TILE
+
+FLOOR = quad((-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1))
+WALL = quad((-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0))
+
+
+@pytest.fixture(scope="module")
+def box():
+    return rt.load(BOX)
+
+
+@pytest.fixture(scope="module")
+def several():
+    """Everything at once: glass, smooth normals, two lights, a tree of its own for shadows."""
+    return studio()
+
+
+def assert_same(picture, other):
+    assert picture.rgb.tobytes() == other.rgb.tobytes()
+    assert picture.stderr.tobytes() == other.stderr.tobytes()
+    assert picture.aov["samples"].tobytes() == other.aov["samples"].tobytes()
+
+
+# The same bits --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("sampler", SAMPLERS)
+def test_threads_do_not_change_a_bit(several, sampler, precision):
+    ask = {"size": (70, 45), "spp": 5, "seed": 9, "sampler": sampler, "precision": precision}
+    one = rt.render(several, threads=1, **ask)
+    assert_same(one, rt.render(several, threads=2, **ask))
+    assert_same(one, rt.render(several, threads=3, **ask))
+
+
+@pytest.mark.parametrize(("tile", "batch"), [(8, 8192), (32, 1), (32, 1000), (64, 8192), (64, 1 << 18)])
+def test_tiles_and_batches_do_not_change_a_bit(several, tile, batch, monkeypatch):
+    ask = {"size": (70, 45), "spp": 5, "seed": 9}
+    before = rt.render(several, **ask)
+    monkeypatch.setattr(rendering, "TILE", tile)
+    monkeypatch.setattr(rendering, "BATCH", batch)
+    assert_same(before, rt.render(several, **ask))
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("sampler", SAMPLERS)
+def test_a_crop_is_that_part_of_the_picture(several, sampler, precision):
+    ask = {"size": (70, 45), "spp": 4, "sampler": sampler, "precision": precision}
+    whole = rt.render(several, **ask)
+    for x, y, width, height in ((0, 0, 70, 45), (1, 1, 33, 17), (37, 11, 33, 34), (69, 44, 1, 1), (3, 0, 1, 45)):
+        part = rt.render(several, crop=(x, y, width, height), **ask)
+        here = np.s_[y : y + height, x : x + width]
+        assert part.rgb.tobytes() == whole.rgb[here].tobytes()
+        assert part.stderr.tobytes() == whole.stderr[here].tobytes()
+        for name in ("depth", "normal", "albedo", "prim_id", "position"):
+            np.testing.assert_array_equal(part.aov[name], whole.aov[name][here])
+        assert part.provenance["size"] == "70x45"
+
+
+@pytest.mark.parametrize("size", [(1, 1), (33, 17), (1, 40), (40, 1), (TILE, TILE), (TILE + 1, TILE - 1)])
+def test_a_film_may_have_any_size(several, size):
+    picture = rt.render(several, size=size, spp=3)
+    assert picture.rgb.shape == (*size[::-1], 3)
+    assert picture.rgb.dtype == picture.stderr.dtype == np.float32
+    assert picture.stderr.shape == size[::-1]
+    assert np.isfinite(picture.rgb).all()
+    assert (picture.aov["samples"] == 3).all()
+    assert picture.stats["samples"] == 3 * size[0] * size[1]
+
+
+def test_the_first_samples_of_a_pixel_do_not_depend_on_how_many_follow(box):
+    ask = {"size": (32, 32), "sampler": "independent", "seed": 4}
+    four, eight = (rt.render(box, spp=spp, **ask).rgb.astype(np.float64) for spp in (4, 8))
+    rest = 2 * eight - four  # mean of samples 4 .. 7
+    assert (rest > -1e-6).all()
+    assert np.array_equal(rest[4, 4].round(5), four[4, 4].round(5)) or np.ptp(rest) > 0
+
+
+def test_another_seed_gives_other_noise(box):
+    ask = {"size": (64, 64), "spp": 1}
+    first, again, other = (rt.render(box, seed=seed, **ask).rgb for seed in (1, 1, 2))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+    assert abs(first.mean() / other.mean() - 1) < 0.01
+
+
+def test_two_renders_at_once_do_not_disturb_each_other(several):
+    ask = {"size": (64, 64), "spp": 8}
+    alone = rt.render(several, **ask)
+    fresh = studio()  # whose trees are built by whoever comes first
+    pictures = {}
+
+    def draw(name):
+        pictures[name] = rt.render(fresh, **ask)
+
+    threads = [threading.Thread(target=draw, args=(name,)) for name in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert_same(alone, pictures[0])
+    assert_same(alone, pictures[1])
+    assert pictures[0].stats["rays"] == pictures[1].stats["rays"] == alone.stats["rays"]
+
+
+# What it takes --------------------------------------------------------------------------------------------------------
+
+
+def test_a_path_a_dict_and_a_scene_are_all_drawn(box, monkeypatch):
+    import json
+
+    monkeypatch.chdir(ROOT / "scenes")  # mesh paths of a dict are relative to the current folder
+    ask = {"size": (24, 24), "spp": 2}
+    pictures = [rt.render(scene, **ask) for scene in (box, BOX, str(BOX), json.loads(BOX.read_text("utf-8")))]
+    for picture in pictures[1:]:
+        assert_same(pictures[0], picture)
+        assert picture.provenance["scene_sha256"] == pictures[0].provenance["scene_sha256"]
+
+
+def test_without_options_the_scene_has_its_wish():
+    scene = studio()
+    wish = scene.settings._replace(size=(20, 10), spp=3, seed=5, sampler="stratified", precision="float64")
+    picture = rt.render(dataclasses.replace(scene, settings=wish))
+    got = picture.provenance
+    assert (got["size"], got["spp"], got["seed"]) == ("20x10", 3, 5)
+    assert (got["sampler"], got["precision"], got["max_depth"]) == ("stratified", "float64", wish.max_depth)
+    ask = {"size": (20, 10), "spp": 3, "seed": 5, "sampler": "stratified", "precision": "float64"}
+    assert_same(picture, rt.render(scene, **ask))
+
+
+def test_options_outrank_the_scene_and_stand_in_the_provenance(box):
+    picture = rt.render(box, 2, (12, 9), 77, "float64", "independent")
+    got = picture.provenance
+    assert (got["spp"], got["size"], got["seed"]) == (2, "12x9", 77)
+    assert (got["precision"], got["sampler"]) == ("float64", "independent")
+    assert got["version"] == rt.__version__
+    assert got["scene_sha256"] == box.sha256
+    assert got["complete"] == 1
+    assert box.settings.spp == 32  # the scene itself is left alone
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"spp": 0}, r"spp: expected a number from 1 to 65536, got 0"),
+        ({"spp": 1 << 17}, r"spp: expected a number from 1 to 65536, got 131072"),
+        ({"seed": -1}, r"seed: expected a number from 0 to 4294967295, got -1"),
+        ({"seed": 1 << 32}, r"seed: expected a number from 0 to 4294967295, got 4294967296"),
+        ({"size": (0, 4)}, r"size: 0x4 is outside 1x1 \.\. 268,435,456 pixels, 65,536 a side"),
+        ({"size": (10**6, 10**6)}, r"size: 1000000x1000000 is outside"),
+        ({"size": (65536, 65536)}, r"size: 65536x65536 is outside"),
+        ({"precision": "float16"}, r"precision: expected one of auto, float32, float64, got 'float16'"),
+        ({"sampler": "sobl"}, r"sampler: expected one of sobol, stratified, independent, got 'sobl'"),
+        ({"aov": ("depth", "hight")}, r"aov: 'hight': expected some of depth, normal, albedo, prim_id, position"),
+        ({"size": (8, 8), "crop": (0, 0, 9, 8)}, r"crop: 0,0,9,8 is not a part of the film of 8x8 pixels"),
+        ({"size": (8, 8), "crop": (-1, 0, 2, 2)}, r"crop: -1,0,2,2 is not a part"),
+        ({"size": (8, 8), "crop": (2, 2, 0, 2)}, r"crop: 2,2,0,2 is not a part"),
+    ],
+)
+def test_an_option_that_can_not_be_met_is_told_before_anything_is_drawn(box, options, message):
+    events = []
+    with pytest.raises(rt.OptionError, match=message):
+        rt.render(box, progress=events.append, **options)
+    assert events == []
+
+
+def test_a_number_may_come_from_numpy(box, tmp_path):
+    picture = rt.render(box, spp=np.int64(2), size=(np.int32(8), np.int64(8)), seed=np.uint32(3))
+    assert_same(picture, rt.render(box, spp=2, size=(8, 8), seed=3))
+    assert picture.save(tmp_path / "a.png").exists()
+
+
+@pytest.mark.parametrize("options", [{"seed": 1.5}, {"spp": 2.5}, {"spp": True}, {"spp": "4"}, {"size": 8}])
+def test_an_option_of_the_wrong_kind_is_told_too(box, options):
+    with pytest.raises(rt.OptionError):
+        rt.render(box, **{"size": (8, 8), "spp": 1, **options})
+
+
+@pytest.mark.parametrize("threads", [0, -1])
+def test_a_number_of_threads_that_can_not_be_is_told(box, threads):
+    with pytest.raises(rt.OptionError, match="threads: expected a number of at least 1"):
+        rt.render(box, size=(8, 8), spp=1, threads=threads)
+
+
+# Progress and cancel --------------------------------------------------------------------------------------------------
+
+
+def test_progress_tells_of_building_and_of_every_finished_tile():
+    events = []
+    picture = rt.render(studio(), size=(100, 70), spp=4, progress=events.append)
+    assert all(isinstance(event, Progress) for event in events)
+    stages = [stage for stage, _ in itertools.groupby(event.stage for event in events if event.stage != "compiling")]
+    assert stages == ["building", "rendering"]
+    drawn = [event for event in events if event.stage == "rendering"]
+    tiles = 4 * 3
+    assert {event.total for event in drawn} == {tiles}
+    for earlier, later in itertools.pairwise(drawn):
+        assert earlier.done < later.done
+        assert earlier.rays <= later.rays
+        assert earlier.seconds <= later.seconds
+    assert drawn[-1].done == tiles
+    assert drawn[-1].rays == sum(picture.stats["rays"].values())
+    assert 0 < drawn[-1].seconds <= picture.stats["seconds"]
+
+
+def test_a_scene_that_was_drawn_before_is_not_built_again(several):
+    rt.render(several, size=(8, 8), spp=1)
+    events = []
+    rt.render(several, size=(8, 8), spp=1, progress=events.append)
+    assert {event.stage for event in events} == {"rendering"}
+
+
+def interrupted_after(parts, scene, **ask):
+    def progress(event):
+        if event.stage == "rendering" and event.done >= parts:
+            raise KeyboardInterrupt
+
+    return rt.render(scene, progress=progress, threads=2, **ask)
+
+
+def test_ctrl_c_keeps_the_finished_part(box, tmp_path):
+    ask = {"size": (8 * TILE, 4 * TILE), "spp": 8}
+    whole, part = rt.render(box, **ask), interrupted_after(3, box, **ask)
+    assert (part.complete, part.interrupted) == (False, True)
+    samples = part.aov["samples"]
+    assert set(np.unique(samples)) == {0, 8}
+    tiles = samples.reshape(4, TILE, 8, TILE)
+    assert (tiles == tiles[:, :1, :, :1]).all()  # tiles are there or not
+    drawn = samples == 8
+    assert 3 * TILE**2 <= drawn.sum() < drawn.size
+    assert np.array_equal(part.rgb[drawn], whole.rgb[drawn])
+    assert np.array_equal(part.stderr[drawn], whole.stderr[drawn])
+    assert not part.rgb[~drawn].any()
+    assert np.isnan(part.stderr[~drawn]).all()
+    assert part.stats["samples"] == 8 * drawn.sum()
+    assert part.provenance["complete"] == 0
+    assert repr(part).endswith("incomplete>")
+    assert rt.compare(part.save(tmp_path / "part.npz"), part).rmse == 0.0
+
+
+def test_ctrl_c_before_anything_is_drawn_gives_an_empty_picture():
+    def progress(event):
+        if event.stage == "building":
+            raise KeyboardInterrupt
+
+    empty = rt.render(studio(), size=(16, 16), spp=2, progress=progress)
+    assert (empty.complete, empty.interrupted) == (False, True)
+    assert not empty.rgb.any()
+    assert not empty.aov["samples"].any()
+    assert np.isnan(empty.stderr).all()
+    assert np.isnan(empty.stats["estimated_error"])
+    assert empty._repr_png_().startswith(b"\x89PNG")
+
+
+def test_a_render_after_an_interrupted_one_is_whole(box):
+    ask = {"size": (4 * TILE, 2 * TILE), "spp": 4}
+    interrupted_after(1, box, **ask)
+    assert rt.render(box, **ask).complete
+
+
+def test_an_error_in_the_progress_callback_is_the_caller_s(box):
+    def progress(_event):
+        raise RuntimeError("the caller's own")
+
+    with pytest.raises(RuntimeError, match="the caller's own"):
+        rt.render(box, size=(64, 64), spp=1, progress=progress)
+
+
+def test_no_time_at_all_gives_an_empty_picture(box):
+    picture = rt.render(box, size=(64, 64), spp=4, time_limit=0.0)
+    assert (picture.complete, picture.interrupted) == (False, False)
+    assert not picture.rgb.any()
+    assert not picture.aov["samples"].any()
+    assert picture.stats["samples"] == 0
+
+
+def test_a_time_limit_ends_early_with_the_whole_film_covered(box):
+    rt.render(box, size=(64, 64), spp=1)  # kernels are ready
+    picture = rt.render(box, size=(256, 256), spp=4096, time_limit=1.0)
+    assert (picture.complete, picture.interrupted) == (False, False)
+    assert picture.stats["seconds"] < 4.0  # a tile under way is finished; the machine may be busy
+    samples = picture.aov["samples"]
+    assert samples.min() >= 1
+    assert samples.max() < 4096
+    assert set(np.unique(samples)) <= {1 << k for k in range(12)}
+    reference = rt.render(box, size=(256, 256), spp=4)
+    assert abs(picture.rgb.mean() / reference.rgb.mean() - 1) < 0.01
+
+
+@pytest.mark.parametrize("spp", [1, 2, 7, 16])
+@pytest.mark.parametrize("sampler", SAMPLERS)
+def test_a_time_limit_that_is_not_reached_changes_nothing(box, sampler, spp):
+    ask = {"size": (8 * TILE, 2 * TILE), "spp": spp, "sampler": sampler, "threads": 1}
+    assert_same(rt.render(box, **ask), rt.render(box, time_limit=1e6, **ask))
+
+
+@pytest.mark.xfail(strict=True, reason="two rounds of a tile run at once and overwrite each other's sums")
+def test_a_time_limit_changes_nothing_where_tiles_are_fewer_than_threads_keep_busy(box):
+    ask = {"size": (TILE, TILE), "spp": 256, "threads": 4}
+    whole = rt.render(box, **ask)
+    for _ in range(4):
+        assert_same(whole, rt.render(box, time_limit=1e6, **ask))
+
+
+# Statistics -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("spp", [1, 3])
+def test_rays_are_counted_exactly_on_whole_tiles(box, spp):
+    stats = rt.render(box, size=(2 * TILE, TILE), spp=spp).stats
+    samples = 2 * TILE * TILE * spp
+    assert stats["samples"] == samples
+    assert stats["rays"]["camera"] == samples
+    assert 0 < stats["rays"]["shadow"] <= samples
+    assert "refraction" not in stats["rays"]
+
+
+def test_a_shadow_ray_is_counted_for_each_light_that_is_in_front():
+    above, below = ((0, 2, 0), (1, 1, 1)), ((0, -2, 0), (1, 1, 1))
+    camera = look((0, 5, 0.001), (0, 0, 0), fov=10)  # sees nothing but the floor
+    for lights, each in (([], 0), ([above], 1), ([above, below], 1), ([above, above, above], 3)):
+        picture = rt.render(make_scene([Part(FLOOR)], lights, camera), size=(TILE, TILE), spp=2)
+        assert picture.stats["rays"].get("shadow", 0) == each * 2 * TILE * TILE
+
+
+def test_a_pane_that_fills_the_film_costs_one_refracted_ray_a_sample():
+    camera = look((0, 0, 5), (0, 0, 0), fov=20)
+    scene = make_scene([glass(WALL + [0, 0, 1], 1.5), Part(WALL)], [((0, 0, 0.5), (1, 1, 1))], camera)
+    stats = rt.render(scene, size=(TILE, TILE), spp=2).stats
+    assert stats["rays"] == {"camera": 2 * TILE * TILE, "refraction": 2 * TILE * TILE, "shadow": 2 * TILE * TILE}
+
+
+def test_seconds_are_those_of_the_passes_that_ran(box):
+    stats = rt.render(box, size=(128, 128), spp=8, threads=1).stats
+    assert set(stats["seconds_by_pass"]) == {"camera", "closest hit", "surface", "light", "shadow", "film"}
+    assert all(seconds > 0 for seconds in stats["seconds_by_pass"].values())
+    assert sum(stats["seconds_by_pass"].values()) <= stats["seconds"]
+    assert rt.render(SPHERE, size=(32, 32), spp=1).stats["seconds_by_pass"]["refraction"] > 0
+
+
+def test_the_estimated_error_is_the_root_mean_square_of_stderr(box):
+    picture = rt.render(box, size=(64, 64), spp=8)
+    expected = np.sqrt(np.mean(picture.stderr.astype(np.float64) ** 2))
+    assert picture.stats["estimated_error"] == pytest.approx(expected, rel=1e-12)
+    assert 0 < picture.stats["estimated_error"] < 0.02
+
+
+# Physics that holds bit for bit, or to rounding -----------------------------------------------------------------------
+
+
+def test_a_path_that_met_max_depth_surfaces_is_black():
+    panes = [glass(WALL + [0, 0, z], 1.5) for z in (1.0, 2.0, 3.0)]
+    scene = make_scene(panes, camera=look((0, 0, 5), (0, 0, 0), 20), background=(1, 2, 3))
+    for depth, colour in ((1, 0), (3, 0), (4, 1), (16, 1)):
+        limited = dataclasses.replace(scene, settings=scene.settings._replace(max_depth=depth))
+        picture = rt.render(limited, size=(16, 16), spp=2)
+        assert np.array_equal(picture.rgb, np.broadcast_to([colour, 2 * colour, 3 * colour], (16, 16, 3)))
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("path", [BOX, GLASS, SPHERE], ids=lambda path: path.stem)
+def test_twice_the_size_and_four_times_the_light_is_the_same_picture(path, precision):
+    scene = rt.load(path)
+    camera = scene.camera._replace(position=2 * scene.camera.position, look_at=2 * scene.camera.look_at)
+    lights = scene.lights._replace(position=2 * scene.lights.position, flux=4 * scene.lights.flux)
+    mesh = scene.mesh._replace(vertices=2 * scene.mesh.vertices)
+    twice = dataclasses.replace(scene, camera=camera, lights=lights, mesh=mesh)
+    ask = {"size": (96, 80), "spp": 4, "precision": precision}
+    assert_same(rt.render(scene, **ask), rt.render(twice, **ask))
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_the_light_of_several_lights_adds_up(precision):
+    scene = rt.load(ROOT / "scenes" / "room.json")
+    scene = dataclasses.replace(scene, background=np.zeros(3))
+    ask = {"size": (80, 60), "spp": 4, "precision": precision}
+    together = rt.render(scene, **ask).rgb
+    alone = []
+    for k in range(3):
+        lights = scene.lights._replace(position=scene.lights.position[k, None], flux=scene.lights.flux[k, None])
+        alone.append(rt.render(dataclasses.replace(scene, lights=lights), **ask).rgb.astype(np.float64))
+    # each picture is rounded to float32 once; in float32 each of the three additions to a sample rounds as well
+    np.testing.assert_allclose(together, sum(alone), rtol=4e-7 if precision == "float32" else 1.3e-7)
+    assert min(picture.max() for picture in alone) > 0.01
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_the_order_of_materials_and_objects_does_not_show(precision):
+    parts = [Part(FLOOR, albedo=(0.2, 0.5, 0.8)), Part(FLOOR * 0.3 + [0.0, 0.5, 0.0], albedo=(0.9, 0.1, 0.4))]
+    pictures = [
+        rt.render(make_scene(order, [((0.3, 2, 0.2), (5, 6, 7))], look((0, 3, 4), (0, 0, 0))), precision=precision,
+                  size=(64, 64), spp=4)
+        for order in (parts, parts[::-1])
+    ]  # fmt: skip
+    assert_same(*pictures)
+
+
+def test_stderr_is_the_spread_of_pixels_over_seeds(box):
+    seeds, ask = 64, {"size": (96, 96), "spp": 16, "sampler": "independent"}
+    pictures = [rt.render(box, seed=seed, **ask) for seed in range(seeds)]
+    luminance = np.array([picture.rgb.astype(np.float64) @ LUMINANCE for picture in pictures])
+    claimed = np.mean([picture.stderr.astype(np.float64) ** 2 for picture in pictures], axis=0)
+    spread = luminance.var(axis=0, ddof=1)
+    noisy = claimed > 1e-8  # rounding to float32 is 1e-8 at most, squared: nothing
+    assert noisy.sum() > 300
+
+    def deviation(factor):
+        """Standard deviations by which the claims, times a factor, miss the spread, summed over pixels."""
+        miss = (spread - factor**2 * claimed)[noisy]  # independent from pixel to pixel, with mean 0 for factor 1
+        return miss.sum() / np.sqrt((miss**2).sum())
+
+    assert abs(deviation(1.0)) < 3.3  # true claims fail for 1 set of seeds in 1000
+    assert deviation(0.95) > 3.3  # claims off by 5 % would be found
+    assert deviation(1.05) < -3.3
+
+
+@pytest.mark.parametrize("sampler", ["sobol", "stratified"])
+def test_stderr_is_an_upper_bound_for_samplers_that_spread_evenly(box, sampler):
+    pictures = [rt.render(box, seed=seed, size=(48, 48), spp=16, sampler=sampler) for seed in range(24)]
+    spread = np.array([picture.rgb.astype(np.float64) @ LUMINANCE for picture in pictures]).var(axis=0, ddof=1)
+    claimed = np.mean([picture.stderr.astype(np.float64) ** 2 for picture in pictures], axis=0)
+    assert spread.sum() < 0.7 * claimed.sum()
+
+
+def test_one_sample_tells_nothing_of_its_error(box):
+    picture = rt.render(box, size=(8, 8), spp=1)
+    assert np.isnan(picture.stderr).all()
+    assert np.isnan(picture.stats["estimated_error"])
+
+
+# Memory ---------------------------------------------------------------------------------------------------------------
+
+
+def test_memory_does_not_grow_with_samples(box):
+    def peak(spp):
+        tracemalloc.start()
+        rt.render(box, size=(256, 256), spp=spp, threads=2)
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        return most
+
+    peak(8)  # whatever is kept from the first render on
+    few, many = peak(8), peak(64)
+    assert many < 1.1 * few
+    assert many < 256 * 256 * 64 * 12 / 4  # the radiance of all samples alone would be 50 MB
