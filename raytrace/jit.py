@@ -18,9 +18,11 @@ import os
 import time
 from functools import cache
 from pathlib import Path
+from types import FunctionType
 
 import numba
-from numba.core import caching, event
+from numba.core import caching, event, types
+from numba.core.dispatcher import Dispatcher
 from platformdirs import user_cache_dir
 
 from raytrace.accel import lanes_jit  # noqa: F401  (teaches Numba the SIMD lanes)
@@ -87,14 +89,34 @@ def kernel(function):
     return compiled
 
 
+def _one_variant(compiled):
+    """Compile a callee for the types of its arguments, and not once more for each constant that it is called with."""
+    if not numba.config.DISABLE_JIT:
+        template = compiled.get_call_template
+        compiled.get_call_template = lambda args, kws: template([types.unliteral(arg) for arg in args], kws)
+    return compiled
+
+
 def inlined(function):
     """Compile a small function that only kernels call; its body is put into theirs."""
-    return numba.njit(forceinline=True, **_CALLED_BY_KERNELS)(function)
+    return _one_variant(numba.njit(forceinline=True, **_CALLED_BY_KERNELS)(function))
 
 
 def subroutine(function):
     """Compile a large function that only kernels call, once, beside them."""
-    return numba.njit(**_CALLED_BY_KERNELS)(function)
+    return _one_variant(numba.njit(**_CALLED_BY_KERNELS)(function))
+
+
+@cache
+def interpreted(compiled):
+    """The plain Python function behind a kernel, its callees plain too: the same results, with nothing to compile."""
+    if numba.config.DISABLE_JIT:
+        return compiled
+    function = compiled.py_func
+    known = function.__globals__
+    callees = [name for name in function.__code__.co_names if isinstance(known.get(name), Dispatcher)]
+    scope = known | {name: interpreted(known[name]) for name in callees}
+    return FunctionType(function.__code__, scope, function.__name__, function.__defaults__)
 
 
 class on_compile(event.Listener):

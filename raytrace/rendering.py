@@ -220,7 +220,7 @@ class _Job:
         self.film.samples[pixels] = last
 
     def _wavefront(self, n: int) -> Wavefront:
-        """This thread's wavefront for batches of n samples."""
+        """Wavefront of the calling thread for batches of n samples."""
         mine = self._local.__dict__.setdefault("wavefronts", {})
         if n not in mine:
             mine[n] = Wavefront(self.stage, self.view, self.sampler, n)

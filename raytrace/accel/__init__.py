@@ -1,0 +1,1 @@
+"""The ray engine: SIMD lanes, boxes, triangles, the tree and its traversal."""

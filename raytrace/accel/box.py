@@ -61,8 +61,8 @@ def make_slabs(o, d, eps):
 def slab_test(slabs, near, far, tmin, tmax):
     """Where rays enter boxes, and a mask of those that meet them within [tmin, tmax].
 
-    ``near`` and ``far`` are the x, y, z of the planes that face the rays and of those behind. The operands stand so that
-    a NaN (0 * inf) loses every comparison: at worst a box is visited for nothing.
+    ``near`` and ``far`` are the x, y, z of the planes that face the rays and of those behind. The operands stand so
+    that a NaN (0 * inf) loses every comparison: at worst a box is visited for nothing.
     """
     x_in = fma(near[0], slabs.near_ix, slabs.near_cx)
     y_in = fma(near[1], slabs.near_iy, slabs.near_cy)

@@ -17,8 +17,8 @@ def clear(box):
 def include(box, other):
     """Grow a box by another."""
     for k in range(3):
-        box[k] = min(box[k], other[k])
-        box[k + 3] = max(box[k + 3], other[k + 3])
+        box[k] = other[k] if other[k] < box[k] else box[k]
+        box[k + 3] = other[k + 3] if other[k + 3] > box[k + 3] else box[k + 3]
 
 
 @inlined

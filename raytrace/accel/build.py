@@ -4,11 +4,12 @@ import numpy as np
 
 from raytrace.accel.boxes import clear
 from raytrace.accel.flatten import flatten
-from raytrace.accel.grow import MAX_DEPTH, SPLITS, Binary, grow, make_scratch
+from raytrace.accel.grow import MAX_DEPTH, SPLITS, grow, make_binary, make_scratch
 from raytrace.accel.lanes import NODE
-from raytrace.jit import inlined, kernel
+from raytrace.jit import inlined, interpreted, kernel
 from raytrace.records import MollerTrumboreLeaves, Nodes, Tree, WatertightLeaves
 
+FEW = 64  # triangles: up to so many the interpreter builds their tree, in less time than the first run would compile
 LEAVES = {"watertight": WatertightLeaves, "moller-trumbore": MollerTrumboreLeaves}
 
 
@@ -38,13 +39,14 @@ def measure(vertices, faces, triangles, boxes, order, corner):
             for axis in range(3):
                 x = vertices[faces[k, j], axis]
                 triangles[k, 3 * j + axis] = x
-                boxes[k, axis] = min(boxes[k, axis], x)
-                boxes[k, axis + 3] = max(boxes[k, axis + 3], x)
+                boxes[k, axis] = x if x < boxes[k, axis] else boxes[k, axis]
+                boxes[k, axis + 3] = x if x > boxes[k, axis + 3] else boxes[k, axis + 3]
                 corner[3 * j + axis] = x
         ax, ay, az = corner[3] - corner[0], corner[4] - corner[1], corner[5] - corner[2]
         bx, by, bz = corner[6] - corner[0], corner[7] - corner[1], corner[8] - corner[2]
         nx, ny, nz = minor(ay, az, by, bz), minor(az, ax, bz, bx), minor(ax, ay, bx, by)
-        largest = max(abs(nx), abs(ny), abs(nz))
+        largest = abs(nx) if abs(nx) > abs(ny) else abs(ny)
+        largest = abs(nz) if abs(nz) > largest else largest
         if largest > 0.0:
             order[number] = k
             number += 1
@@ -72,18 +74,16 @@ def build(vertices, faces, split, triangle):
     levels : int
     """
     m, dtype = len(faces), vertices.dtype
+    measure_, grow_, flatten_ = (interpreted(kernel) if m <= FEW else kernel for kernel in (measure, grow, flatten))
     triangles, boxes, order = np.empty((m, 12), dtype), np.empty((m, 6), dtype), np.empty(m, np.int32)
-    n = measure(vertices, faces, triangles, boxes, order, np.empty(9))
-    room = 2 * max(n, 1)
-    binary = Binary(
-        np.empty((room, 6), dtype), *(np.zeros(room, np.int32) for _ in range(3)), order[:n].copy(), boxes
-    )  # fmt: skip
-    used = grow(binary, SPLITS[split], NODE, make_scratch(dtype))
-    inner = max((used - 1) // 2, 1)
-    leaf_count = (used + 1) // 2
-    nodes = Nodes(np.empty(inner * 6 * NODE, dtype), np.empty(inner * NODE, np.int32))
-    leaves = LEAVES[triangle](np.empty(leaf_count * 12 * NODE, dtype), np.empty(leaf_count * NODE, np.int32))
-    stack = np.empty((NODE * (MAX_DEPTH + 64), 3), np.int64)
-    node_count, leaf_count, levels = flatten(binary, nodes, leaves, triangles, stack, np.empty(NODE, np.int64))
+    with np.errstate(all="ignore"):
+        n = measure_(vertices, faces, triangles, boxes, order, np.empty(9))
+        binary = make_binary(order[:n].copy(), boxes)
+        used = grow_(binary, SPLITS[split], NODE, make_scratch(dtype))
+        inner, leaf_count = max((used - 1) // 2, 1), (used + 1) // 2
+        nodes = Nodes(np.empty(inner * 6 * NODE, dtype), np.empty(inner * NODE, np.int32))
+        leaves = LEAVES[triangle](np.empty(leaf_count * 12 * NODE, dtype), np.empty(leaf_count * NODE, np.int32))
+        stack = np.empty((NODE * (MAX_DEPTH + 64), 3), np.int64)
+        node_count, _, levels = flatten_(binary, nodes, leaves, triangles, stack, np.empty(NODE, np.int64))
     nodes = Nodes(nodes.bounds[: node_count * 6 * NODE].copy(), nodes.child[: node_count * NODE].copy())
     return Tree(nodes, leaves), triangles, levels

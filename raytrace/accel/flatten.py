@@ -39,7 +39,7 @@ def fill_box(nodes, node, k, box, eps):
     """Write a child's bounds, widened by the rounding of what is tested inside."""
     largest = 0.0
     for axis in range(6):
-        largest = max(largest, abs(box[axis]))
+        largest = abs(box[axis]) if abs(box[axis]) > largest else largest
     for axis in range(3):
         nodes.bounds[(node * 6 + axis) * NODE + k] = box[axis] - largest * (WIDEN * eps)
         nodes.bounds[(node * 6 + axis + 3) * NODE + k] = box[axis + 3] + largest * (WIDEN * eps)
@@ -54,7 +54,7 @@ def flatten(tree, nodes, leaves, triangles, stack, kids):
     while top > 0:
         top -= 1
         source, node, level = stack[top, 0], stack[top, 1], stack[top, 2]
-        levels = max(levels, level + 1)
+        levels = level + 1 if level >= levels else levels
         kids[0], number = source, 1
         while number < NODE and open_widest(tree, kids, number):
             number += 1

@@ -23,6 +23,13 @@ class Binary(NamedTuple):
     boxes: np.ndarray  # (n, 6) f, world units: bounds of each triangle
 
 
+def make_binary(order, boxes):
+    """Room for the tree of some triangles."""
+    room = 2 * max(len(order), 1)
+    bounds = np.empty((room, 6), boxes.dtype)
+    return Binary(bounds, *(np.zeros(room, np.int32) for _ in range(3)), order, boxes)
+
+
 class Scratch(NamedTuple):
     """Memory for one thread of ``grow``."""
 
@@ -59,14 +66,15 @@ def bound(tree, begin, end, box, middles):
         include(box, other)
         for axis in range(3):
             middle = centre(other, axis)
-            middles[axis] = min(middles[axis], middle)
-            middles[axis + 3] = max(middles[axis + 3], middle)
+            middles[axis] = middle if middle < middles[axis] else middles[axis]
+            middles[axis + 3] = middle if middle > middles[axis + 3] else middles[axis + 3]
 
 
 @inlined
 def bin_of(box, axis, low, scale):
     """The bin that a triangle's centre falls into."""
-    return min(int((centre(box, axis) - low) * scale), BINS - 1)
+    number = int((centre(box, axis) - low) * scale)
+    return number if number < BINS else BINS - 1
 
 
 @subroutine
@@ -76,7 +84,7 @@ def best_plane(tree, begin, end, scratch):
     middles, bins, counts, grown, right = scratch.middles, scratch.bins, scratch.counts, scratch.grown, scratch.right
     for axis in range(3):
         extent = middles[axis + 3] - middles[axis]
-        if not extent > 0.0:
+        if not (extent > 0.0 and BINS / extent < np.inf):
             continue
         scale = BINS / extent
         for k in range(BINS):

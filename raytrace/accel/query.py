@@ -134,7 +134,8 @@ def closest_hit(tree, rays, hits, n, work):
     """Nearest hits of n rays."""
     like = packet(tree.nodes.bounds)
     eps = machine_epsilon(tree.nodes.bounds)
-    for i in range(0, n, packet_width(tree.nodes.bounds)):
+    width = packet_width(tree.nodes.bounds)
+    for i in range(0, n, width):
         o, d, scale, tmin, tmax = read_rays(rays, i, n, like)
         slabs = make_slabs(o, d, eps)
         kinds = kinds_of(d)
@@ -148,7 +149,7 @@ def closest_hit(tree, rays, hits, n, work):
             write(hits.u, i, n, u)
             write(hits.v, i, n, v)
             continue
-        for k in range(min(n - i, packet_width(tree.nodes.bounds))):
+        for k in range(width if width < n - i else n - i):
             dominant, axes = kind_of(kinds, k)
             frame = make_frame(dominant, (o[0][k], o[1][k], o[2][k]), (d[0][k], d[1][k], d[2][k]), scale[k])
             t_k, prim_k, u_k, v_k = closest_single(tree, Alike(slabs_of(slabs, k), frame, axes, tmin[k]), tmax[k], work)
@@ -163,7 +164,8 @@ def any_hit(tree, rays, occluded, n, work):
     """Whether n rays hit anything."""
     like = packet(tree.nodes.bounds)
     eps = machine_epsilon(tree.nodes.bounds)
-    for i in range(0, n, packet_width(tree.nodes.bounds)):
+    width = packet_width(tree.nodes.bounds)
+    for i in range(0, n, width):
         o, d, scale, tmin, tmax = read_rays(rays, i, n, like)
         slabs = make_slabs(o, d, eps)
         kinds = kinds_of(d)
@@ -174,9 +176,9 @@ def any_hit(tree, rays, occluded, n, work):
             frame = make_frame(dominant, o, d, scale)
             hit = any_packet(tree, Alike(slabs, frame, axes, tmin), tmax, work)
         else:
-            for k in range(min(n - i, packet_width(tree.nodes.bounds))):
+            for k in range(width if width < n - i else n - i):
                 dominant, axes = kind_of(kinds, k)
                 frame = make_frame(dominant, (o[0][k], o[1][k], o[2][k]), (d[0][k], d[1][k], d[2][k]), scale[k])
                 hit |= any_single(tree, Alike(slabs_of(slabs, k), frame, axes, tmin[k]), tmax[k], work) << k
-        for k in range(min(n - i, packet_width(tree.nodes.bounds))):
+        for k in range(width if width < n - i else n - i):
             occluded[i + k] = hit >> k & 1

@@ -134,7 +134,7 @@ def fetch(tree, child):
 
 @inlined
 def enter_single(tree, node, rays, tmax, top, work):
-    """The nearest child of a node that a ray enters, or NOTHING; the others go on the stack, whose height it returns."""
+    """Nearest child of a node that a ray enters, or NOTHING; the others go on the stack, whose height it returns."""
     near, far = planes_of_node(tree.nodes.bounds, node * PLANES, rays.axes)
     t, entered = slab_test(rays.slabs, near, far, rays.tmin, tmax)
     work.counts[0] += 1

@@ -58,8 +58,7 @@ def watertight(frame, v0, v1, v2, n):
 
     Inclusion after Woop, Benthin and Wald 2013: neighbours see the same sheared vertices, and so agree exactly about
     their shared edge. Distance from the plane, for the weights alone are too rough in slivers: every vertex lies at the
-    same height n . (v - o) over the origin, so z = height / (n . d / d_z), with the vertex counting most that is nearest
-    to the hit. It is kept within the triangle's own range of z, also where the ray all but lies in the plane.
+    same height n . (v - o) over the origin, so z = height / (n . d / d_z), and the vertex nearest to the hit counts most. It is kept within the triangle's own range of z, also where the ray all but lies in the plane.
     """
     a = v0[0] - frame.ox, v0[1] - frame.oy, v0[2] - frame.oz
     b = v1[0] - frame.ox, v1[1] - frame.oy, v1[2] - frame.oz

@@ -1,0 +1,1 @@
+"""The passes of the wavefront, one a file: kernels over batches of rays."""

@@ -1,4 +1,4 @@
-"""Where the samples of a pixel lie. Every number has an address (seed, pixel, sample, dimension); nothing is stateful."""
+"""Where the samples of a pixel lie: every number has an address (seed, pixel, sample, dimension), and none a state."""
 
 from math import ceil, sqrt
 from typing import NamedTuple

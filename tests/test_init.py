@@ -1,0 +1,133 @@
+"""The public face: which names there are, and what they cost."""
+
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import raytrace as rt
+
+ROOT = Path(__file__).parents[1]
+HEAVY = {
+    "numba",
+    "llvmlite",
+    "numpy",
+    "pydantic",
+    "trimesh",
+    "scipy",
+    "skimage",
+    "matplotlib",
+    "PIL",
+    "OpenEXR",
+    "rich",
+}
+FUNCTIONS = {"load", "render", "explain", "compare", "reflect", "refract", "spawn_ray"}
+CLASSES = {"BVH", "Render", "Scene", "Hits", "Surface", "RaytraceError", "SceneError", "FileError", "OptionError"}
+SUBMODULES = [
+    "rendering",
+    "picture",
+    "wavefront",
+    "scene.load",
+    "scene.plan",
+    "report.error",
+    "accel.bvh",
+    "optics",
+    "cli",
+]
+
+
+def python(program, *words):
+    done = subprocess.run(
+        [sys.executable, *words, "-c", program], capture_output=True, text=True, timeout=120, cwd=ROOT
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def parameters(thing):
+    return [(name, p.default) for name, p in inspect.signature(thing).parameters.items()]
+
+
+def test_the_public_names_are_the_promised_ones():
+    assert set(rt.__all__) == FUNCTIONS | CLASSES
+    assert rt.__all__ == sorted(rt.__all__)
+    assert all(callable(getattr(rt, name)) for name in FUNCTIONS)
+    assert all(inspect.isclass(getattr(rt, name)) for name in CLASSES)
+    assert set(rt.__all__) <= set(dir(rt))
+
+
+def test_functions_take_what_scripts_pass_them():
+    names = [name for name, _ in parameters(rt.render)]
+    assert names[:6] == ["scene", "spp", "size", "seed", "precision", "sampler"]
+    assert {"threads", "progress"} <= set(names)
+    box = [("vertices",), ("faces",), ("precision", "float32"), ("split", "sah"), ("triangle", "watertight")]
+    assert [
+        (name, *(() if default is inspect.Parameter.empty else (default,))) for name, default in parameters(rt.BVH)
+    ] == box
+    ray = ["self", "origins", "directions", "tmin", "tmax"]
+    assert [name for name, _ in parameters(rt.BVH.closest_hit)] == [*ray, "threads"]
+    assert [name for name, _ in parameters(rt.BVH.any_hit)][:5] == ray
+    assert [name for name, _ in parameters(rt.refract)] == ["d", "n", "eta"]
+    assert [name for name, _ in parameters(rt.reflect)] == ["d", "n"]
+    assert [name for name, _ in parameters(rt.spawn_ray)] == ["p", "p_error", "ng", "d"]
+    assert [name for name, _ in parameters(rt.compare)] == ["image", "reference"]
+    assert rt.Hits._fields == ("t", "prim_id", "u", "v")
+    assert rt.Surface._fields == ("p", "p_error", "ng")
+
+
+def test_errors_have_one_root():
+    assert all(issubclass(error, rt.RaytraceError) for error in (rt.SceneError, rt.FileError, rt.OptionError))
+
+
+def test_the_import_is_light():
+    program = f"import sys, raytrace; print(*({HEAVY!r} & sys.modules.keys()))"
+    assert python(program).split() == []
+
+
+def test_a_plan_or_a_scene_needs_no_compiler():
+    program = "import sys, raytrace as rt; print(rt.explain('scenes/cornell-box.json')); print('numba' in sys.modules)"
+    assert python(program).splitlines()[-1] == "False"
+
+
+def test_a_name_is_imported_when_it_is_first_used_and_then_kept():
+    program = """
+import sys, raytrace as rt
+assert "render" not in vars(rt)
+first = rt.render
+assert vars(rt)["render"] is first is rt.render
+assert not {"pydantic", "trimesh", "skimage"} & sys.modules.keys()
+"""
+    python(program)
+
+
+def test_a_star_import_brings_the_public_names():
+    python("from raytrace import *; assert callable(render) and callable(load) and callable(BVH)")
+
+
+@pytest.mark.parametrize("submodule", SUBMODULES)
+def test_a_public_name_is_no_submodule(submodule):
+    python(f"import raytrace.{submodule}, raytrace as rt, inspect; assert inspect.isfunction(rt.render), rt.render")
+
+
+def test_no_file_of_the_package_has_the_name_of_a_public_function():
+    assert not FUNCTIONS & {path.stem for path in (ROOT / "raytrace").glob("*")}
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="module 'raytrace' has no attribute 'rendr'"):
+        _ = rt.rendr
+
+
+def test_the_version_is_a_release():
+    assert [part.isdigit() for part in rt.__version__.split(".")] == [True] * 3
+
+
+def test_the_architecture_names_every_module():
+    text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    modules = {path.relative_to(ROOT / "raytrace").as_posix() for path in (ROOT / "raytrace").rglob("*.py")}
+    rooms = [line for line in text.splitlines() if line.startswith("| `")]
+    named = {line.split("`")[1] for line in rooms}
+    described = {name for name in modules if (ROOT / "raytrace" / name).read_text("utf-8").count("\n") > 1}
+    assert {name for name in named if name.endswith(".py")} == described
