@@ -158,7 +158,7 @@ def _schema(_args: Namespace) -> int:
 
 
 def _warmup(_args: Namespace) -> int:
-    from raytrace.rendering import warmup
+    from raytrace.warmup import warmup
 
     began = time.perf_counter()
     with Reporter(_say, bar=False) as reporter:

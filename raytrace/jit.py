@@ -16,13 +16,14 @@ nothing is cached, and everything still works.
 import hashlib
 import os
 import time
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import FunctionType
 
 import numba
 from numba.core import caching, event, types
 from numba.core.dispatcher import Dispatcher
+from numba.extending import overload
 from platformdirs import user_cache_dir
 
 from raytrace.accel import lanes_jit  # noqa: F401  (teaches Numba the SIMD lanes)
@@ -105,6 +106,10 @@ def inlined(function):
 def subroutine(function):
     """Compile a large function that only kernels call, once, beside them."""
     return _one_variant(numba.njit(**_CALLED_BY_KERNELS)(function))
+
+
+# Gives a plain function its compiled form, chosen by the types of its arguments, which leaves no trace in the code.
+specialised = partial(overload, inline="always")
 
 
 @cache

@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -21,7 +21,7 @@ from raytrace.passes.camera import make_view
 from raytrace.passes.film import LUMINANCE
 from raytrace.passes.sampling import make_sampler
 from raytrace.picture import LAYERS, Layers, Render, trace_layers
-from raytrace.records import Camera, Lights, Materials, Mesh, Scene, Settings, Window
+from raytrace.records import Scene, Settings, Window
 from raytrace.scene.load import load
 from raytrace.scene.plan import make_plan
 from raytrace.wavefront import BATCH, Stage, Wavefront, make_stage
@@ -232,8 +232,12 @@ class _Job:
         samples = self.film.samples
         rgb, stderr = _estimate(self.film)
         seconds = time.perf_counter() - self.began
-        passes: Counter[str] = sum((wavefront.seconds for wavefront in self._wavefronts), Counter())
-        rays: Counter[str] = sum((wavefront.rays for wavefront in self._wavefronts), Counter())
+        passes: defaultdict[str, float] = defaultdict(float)
+        rays: Counter[str] = Counter()
+        for wavefront in self._wavefronts:
+            rays.update(wavefront.rays)
+            for name, spent in wavefront.seconds.items():
+                passes[name] += spent
         known = stderr[np.isfinite(stderr)]
         stats = {
             "seconds": seconds,
@@ -280,37 +284,3 @@ def _estimate(film: Film) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     with np.errstate(divide="ignore", invalid="ignore"):
         stderr = np.where(film.samples > 1, np.sqrt(spread / (n - 1)), np.nan)
     return mean[:3].T.astype(np.float32), stderr.astype(np.float32)
-
-
-def warmup(progress: Callable[[Progress], None] | None = None) -> None:
-    """Compile what pictures need, in both precisions, by drawing a tiny scene that has it all.
-
-    Examples
-    --------
-    >>> from raytrace.rendering import warmup
-    >>> warmup()  # doctest: +SKIP
-    """
-    for precision in ("float32", "float64"):
-        for scene in (_tiny_scene(smooth=False), _tiny_scene(smooth=True)):
-            render(scene, precision=precision, progress=progress, aov=("depth",))
-
-
-def _tiny_scene(smooth: bool) -> Scene:
-    """A lit triangle behind a refractive one."""
-    triangle = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
-    vertices = np.concatenate([triangle, triangle + [0.0, 0.0, 1.0]])
-    normals = np.broadcast_to([0.0, 0.0, 1.0], (2, 3, 3)).copy() if smooth else None
-    flags = np.zeros(2, np.bool_)
-    return Scene(
-        source=None,
-        sha256="",
-        about="",
-        camera=Camera(np.array([0.0, 0.0, 4.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 40.0),
-        settings=Settings((8, 8), 2, 4, "sobol", "auto", 0),
-        background=np.zeros(3),
-        materials=Materials(("white", "glass"), np.array([0, 1], np.int8), np.ones((2, 3)), np.ones(2), flags, flags),
-        lights=Lights(np.array([[0.0, 0.0, 3.0]]), np.ones((1, 3))),
-        mesh=Mesh(vertices, np.arange(6).reshape(2, 3), normals, np.arange(2, dtype=np.int32), np.zeros(2, np.int32)),
-        objects=("triangles",),
-        warnings=(),
-    )

@@ -1,7 +1,7 @@
 """The wavefront: one thread's batches of samples through the passes that the scene needs."""
 
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -78,7 +78,7 @@ class Wavefront:
     def __init__(self, stage: Stage, view: View, sampler: Any, n: int) -> None:
         dtype = stage.bvh.triangles.dtype
         self.stage, self.view, self.sampler, self.n = stage, view, sampler, n
-        self.seconds: Counter[str] = Counter()
+        self.seconds: defaultdict[str, float] = defaultdict(float)
         self.rays: Counter[str] = Counter()
         self.work = stage.bvh.work(), stage.shadow_bvh.work()
         self.samples = _batch(n, dtype)

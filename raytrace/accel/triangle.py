@@ -2,10 +2,8 @@
 
 from typing import NamedTuple
 
-from numba.extending import overload
-
 from raytrace.accel.lanes import absolute, bits, fma, maximum, minimum, select
-from raytrace.jit import inlined
+from raytrace.jit import inlined, specialised
 from raytrace.records import MollerTrumboreLeaves, WatertightLeaves
 
 MIN_DETERMINANT = 1e-5  # Moller-Trumbore only: the course's absolute threshold, in user units
@@ -58,7 +56,8 @@ def watertight(frame, v0, v1, v2, n):
 
     Inclusion after Woop, Benthin and Wald 2013: neighbours see the same sheared vertices, and so agree exactly about
     their shared edge. Distance from the plane, for the weights alone are too rough in slivers: every vertex lies at the
-    same height n . (v - o) over the origin, so z = height / (n . d / d_z), and the vertex nearest to the hit counts most. It is kept within the triangle's own range of z, also where the ray all but lies in the plane.
+    same height n . (v - o) over the origin, so z = height / (n . d / d_z). The vertex nearest to the hit counts most,
+    and z is kept within the triangle's own range, also where the ray all but lies in the plane.
     """
     a = v0[0] - frame.ox, v0[1] - frame.oy, v0[2] - frame.oz
     b = v1[0] - frame.ox, v1[1] - frame.oy, v1[2] - frame.oz
@@ -116,7 +115,7 @@ def intersect(leaves, frame, v0, v1, v2, n):
     return test(frame, v0, v1, v2, n)
 
 
-@overload(intersect, inline="always")
+@specialised(intersect)
 def _intersect(leaves, frame, v0, v1, v2, n):
     test = {WatertightLeaves: watertight, MollerTrumboreLeaves: moller_trumbore}[leaves.instance_class]
     return lambda leaves, frame, v0, v1, v2, n: test(frame, v0, v1, v2, n)

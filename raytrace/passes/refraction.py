@@ -34,7 +34,7 @@ def refract_direction(d, n, eta):
     """Snell's law; n on the ray's side, eta = transmitted / incident. Unit direction, total internal reflection.
 
     The part of d along the surface, s = d - (d . n) n, has length sin_i and is divided by eta; what is left to unit
-    length goes against n. Nothing is lost near normal incidence, where s is small [PBR4, 9.3].
+    length goes against n. Nothing is lost near normal incidence, where s is small [Pharr2023, 9.3].
     """
     cosine = dot(d, n)
     s = (d[0] - cosine * n[0]) / eta, (d[1] - cosine * n[1]) / eta, (d[2] - cosine * n[2]) / eta

@@ -4,11 +4,11 @@ from math import ceil, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
-from raytrace.accel.lanes import reverse_bits, splat, to_real
-from raytrace.jit import inlined
+from raytrace.accel.lanes import minimum, reverse_bits, splat, to_real
+from raytrace.jit import inlined, specialised
 
+LAST = 1.0 - 2.0**-24  # the largest float32 below 1
 FILM_X, FILM_Y, STRATUM = range(3)  # dimensions
 
 
@@ -135,10 +135,10 @@ def _stratified(sampler, pixel, sample, like):
     column = cell - row * sampler.columns
     x = (to_real(column, like) + jitter_x) / np.float64(sampler.columns)
     y = (to_real(row, like) + jitter_y) / np.float64(sampler.rows)
-    return x, y
+    return minimum(x, LAST), minimum(y, LAST)
 
 
-@overload(film_sample, inline="always")
+@specialised(film_sample)
 def _film_sample(sampler, pixel, sample, like):
     take = {Sobol: _sobol, Stratified: _stratified, Independent: _independent}[sampler.instance_class]
     return lambda sampler, pixel, sample, like: take(sampler, pixel, sample, like)
