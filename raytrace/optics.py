@@ -81,7 +81,7 @@ def refract(d: ArrayLike, n: ArrayLike, eta: ArrayLike) -> tuple[NDArray[np.floa
     total = (rest <= 0.0) & (eta != 1.0)
     through = _unit(s - np.sqrt(np.maximum(rest, 0.0)) * n)
     direction = np.where(total, reflect(d, n), np.where(eta == 1.0, d, through))
-    return direction, np.broadcast_to(total, (*direction.shape[:-1], 1))[..., 0]
+    return direction, np.broadcast_to(total, (*direction.shape[:-1], 1))[..., 0][()]
 
 
 def spawn_ray(p: ArrayLike, p_error: ArrayLike, ng: ArrayLike, d: ArrayLike) -> NDArray[np.floating]:

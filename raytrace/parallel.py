@@ -6,6 +6,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from itertools import islice
 from typing import Any
 
+from raytrace.errors import OptionError
+
 POLL = 0.1  # seconds between two looks at the keyboard
 
 
@@ -13,7 +15,7 @@ def thread_count(threads: int | None) -> int:
     """Threads to use: as asked, or as many as the process may use cores."""
     if threads is not None:
         if threads < 1:
-            raise ValueError(f"threads: expected a number of at least 1, got {threads}")
+            raise OptionError(f"threads: expected a number of at least 1, got {threads}")
         return threads
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 

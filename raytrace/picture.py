@@ -39,6 +39,9 @@ class Layers(Mapping[str, NDArray[Any]]):
         self.computed[name] = self._known[name]
         return self._known[name]
 
+    def __contains__(self, name: object) -> bool:
+        return name in LAYERS
+
     def __iter__(self) -> Iterator[str]:
         return iter(LAYERS)
 

@@ -4,6 +4,7 @@ import threading
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +18,7 @@ from raytrace import parallel
 from raytrace.accel.lanes import BITS
 from raytrace.errors import OptionError
 from raytrace.jit import on_compile
+from raytrace.options import override, window_of
 from raytrace.passes.camera import make_view
 from raytrace.passes.film import LUMINANCE
 from raytrace.passes.sampling import make_sampler
@@ -27,7 +29,6 @@ from raytrace.scene.plan import make_plan
 from raytrace.wavefront import BATCH, Stage, Wavefront, make_stage
 
 TILE = 32  # pixels: side of a tile
-MAX_SIDE, MAX_PIXELS, MAX_SPP = 1 << 16, 1 << 28, 1 << 16  # as in the scene format
 
 _stages: WeakKeyDictionary[Scene, dict[str, Stage]] = WeakKeyDictionary()  # of scenes drawn before
 
@@ -104,43 +105,16 @@ def render(
     """
     if not isinstance(scene, Scene):
         scene = load(scene)
-    settings = _settings(scene.settings, spp, size, seed, precision, sampler)
-    window = _window(settings.size, crop)
+    settings = override(scene.settings, spp, size, seed, precision, sampler)
+    window = window_of(settings.size, crop)
     for name in aov:
         if name not in LAYERS:
             raise OptionError(f"aov: {name!r}: expected some of {', '.join(LAYERS)}")
     job = _Job(scene, settings, window, progress or (lambda _: None))
-    picture = job.run(threads, time_limit)
+    picture = job.run(parallel.thread_count(threads), time_limit)
     for name in aov:
         picture.aov[name]
     return picture
-
-
-def _settings(settings: Settings, spp: Any, size: Any, seed: Any, precision: Any, sampler: Any) -> Settings:
-    """The scene's settings with the caller's in their place, checked."""
-    wanted = {"spp": spp, "size": size, "seed": seed, "precision": precision, "sampler": sampler}
-    settings = settings._replace(**{name: value for name, value in wanted.items() if value is not None})
-    choices = {"precision": ("auto", "float32", "float64"), "sampler": ("sobol", "stratified", "independent")}
-    for name, allowed in choices.items():
-        if getattr(settings, name) not in allowed:
-            raise OptionError(f"{name}: expected one of {', '.join(allowed)}, got {getattr(settings, name)!r}")
-    for name, low, high in (("spp", 1, MAX_SPP), ("seed", 0, 2**32 - 1)):
-        if not low <= getattr(settings, name) <= high:
-            raise OptionError(f"{name}: expected a number from {low} to {high}, got {getattr(settings, name)}")
-    width, height = settings.size
-    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE and width * height <= MAX_PIXELS):
-        raise OptionError(f"size: {width}x{height} is outside 1x1 .. {MAX_PIXELS:,} pixels, {MAX_SIDE:,} a side")
-    return settings
-
-
-def _window(size: tuple[int, int], crop: tuple[int, int, int, int] | None) -> Window:
-    window = Window(*(crop or (0, 0, *size)))
-    inside = (
-        window.x >= 0 and window.y >= 0 and window.x + window.width <= size[0] and window.y + window.height <= size[1]
-    )
-    if not inside or window.width < 1 or window.height < 1:
-        raise OptionError(f"crop: {','.join(map(str, window))} is not a part of the film of {size[0]}x{size[1]} pixels")
-    return window
 
 
 def _tile_order() -> NDArray[np.uint32]:
@@ -164,22 +138,31 @@ class _Job:
         self._local = threading.local()
         self._wavefronts: list[Wavefront] = []
 
-    def run(self, threads: int | None, time_limit: float | None) -> Render:
+    def run(self, threads: int, time_limit: float | None) -> Render:
         """Draw until done, stopped or out of time."""
         deadline = np.inf if time_limit is None else self.began + time_limit
         complete, interrupted = False, False
         with on_compile(lambda: self._say("compiling", 0, 1)) as compiled:
             try:
                 self._prepare()
-                work = list(self._work(_rounds(self.settings.spp, time_limit is not None)))
                 self._drawing = time.perf_counter()
-                complete = parallel.run(
-                    self._draw, work, threads, lambda: time.perf_counter() > deadline,
-                    lambda done: self._say("rendering", done, len(work)),
-                )  # fmt: skip
+                complete = self._draw_all(threads, time_limit is not None, lambda: time.perf_counter() > deadline)
             except KeyboardInterrupt:
                 interrupted = True
         return self._picture(complete, interrupted, compiled.seconds)
+
+    def _draw_all(self, threads: int, hasty: bool, late: Callable[[], bool]) -> bool:
+        """Draw round after round: a pixel's samples are summed in their order, so no tile may be in two at once."""
+        tiles, rounds = list(self._tiles()), _rounds(self.settings.spp, hasty)
+        for number, samples in enumerate(rounds):
+            before, total = number * len(tiles), len(rounds) * len(tiles)
+            report = partial(self._report, before, total)
+            if not parallel.run(partial(self._draw, samples), tiles, threads, late, report):
+                return False
+        return True
+
+    def _report(self, before: int, total: int, done: int) -> None:
+        self._say("rendering", before + done, total)
 
     def _say(self, stage: str, done: int, total: int) -> None:
         rays = sum(wavefront.rays.total() for wavefront in list(self._wavefronts))
@@ -195,19 +178,18 @@ class _Job:
         self.view = make_view(self.scene.camera, self.settings.size, np.dtype(self.precision))
         self.sampler = make_sampler(self.settings.sampler, self.settings.seed, self.settings.spp)
 
-    def _work(self, rounds: list[tuple[int, int]]) -> Iterator[tuple[NDArray[np.uint32], NDArray[np.uint32], int, int]]:
-        """Tiles: columns and rows of their pixels on the film, first sample and the one after the last."""
+    def _tiles(self) -> Iterator[tuple[NDArray[np.uint32], NDArray[np.uint32]]]:
+        """Columns and rows, on the film, of the pixels of each tile."""
         x, y = _tile_order()
         left, top, width, height = self.window
-        for first, last in rounds:
-            for tile_y in range(top, top + height, TILE):
-                for tile_x in range(left, left + width, TILE):
-                    inside = (x < left + width - tile_x) & (y < top + height - tile_y)
-                    yield x[inside] + np.uint32(tile_x), y[inside] + np.uint32(tile_y), first, last
+        for tile_y in range(top, top + height, TILE):
+            for tile_x in range(left, left + width, TILE):
+                inside = (x < left + width - tile_x) & (y < top + height - tile_y)
+                yield x[inside] + np.uint32(tile_x), y[inside] + np.uint32(tile_y)
 
-    def _draw(self, tile: tuple[NDArray[np.uint32], NDArray[np.uint32], int, int]) -> None:
-        """Add the samples of one tile to the film, a batch after the other."""
-        x, y, first, last = tile
+    def _draw(self, samples: tuple[int, int], tile: tuple[NDArray[np.uint32], NDArray[np.uint32]]) -> None:
+        """Add samples (the first, and the one after the last) of one tile to the film, a batch after the other."""
+        (first, last), (x, y) = samples, tile
         pixels = (y.astype(np.int64) - self.window.y) * self.window.width + (x.astype(np.int64) - self.window.x)
         spare = -len(x) % (BITS // 8 // np.dtype(self.precision).itemsize)
         x, y = np.pad(x, (0, spare), "edge"), np.pad(y, (0, spare), "edge")

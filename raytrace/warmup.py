@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from raytrace.accel.build import FEW
 from raytrace.records import Camera, Lights, Materials, Mesh, Scene, Settings
 from raytrace.rendering import Progress, render
 
@@ -22,10 +23,12 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
 
 
 def _tiny_scene(smooth: bool) -> Scene:
-    """A lit triangle behind a refractive one."""
+    """Lit triangles behind refractive ones."""
     triangle = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
     vertices = np.concatenate([triangle, triangle + [0.0, 0.0, 1.0]])
-    normals = np.broadcast_to([0.0, 0.0, 1.0], (2, 3, 3)).copy() if smooth else None
+    faces = np.tile(np.arange(6).reshape(2, 3), (FEW, 1))  # so many that their tree is built by the compiled kernels
+    normals = np.broadcast_to([0.0, 0.0, 1.0], (*faces.shape, 3)).copy() if smooth else None
+    material_id = np.arange(len(faces), dtype=np.int32) % 2
     flags = np.zeros(2, np.bool_)
     return Scene(
         source=None,
@@ -36,7 +39,7 @@ def _tiny_scene(smooth: bool) -> Scene:
         background=np.zeros(3),
         materials=Materials(("white", "glass"), np.array([0, 1], np.int8), np.ones((2, 3)), np.ones(2), flags, flags),
         lights=Lights(np.array([[0.0, 0.0, 3.0]]), np.ones((1, 3))),
-        mesh=Mesh(vertices, np.arange(6).reshape(2, 3), normals, np.arange(2, dtype=np.int32), np.zeros(2, np.int32)),
+        mesh=Mesh(vertices, faces, normals, material_id.astype(np.int32), np.zeros(len(faces), np.int32)),
         objects=("triangles",),
         warnings=(),
     )

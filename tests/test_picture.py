@@ -100,7 +100,6 @@ def test_layers_are_computed_when_asked_for_and_once(monkeypatch):
     assert list(drawn.aov.computed) == ["samples", "depth", "normal"]
 
 
-@pytest.mark.xfail(strict=True, reason="Mapping's own __contains__ computes the layer, and marks it to be stored")
 def test_to_ask_whether_there_is_a_layer_computes_nothing(drawn):
     assert "depth" in drawn.aov
     assert drawn.aov.computed == {}

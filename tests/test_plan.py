@@ -265,7 +265,7 @@ def test_where_all_surfaces_let_shadow_rays_pass_their_tree_is_empty():
 COLD = """
 import json, sys
 import raytrace as rt
-from raytrace.accel import query, triangle
+from raytrace.accel import build, flatten, grow, query, triangle
 from raytrace.passes import camera, film, light, refraction, sampling, surface
 
 KERNELS = {
@@ -273,6 +273,7 @@ KERNELS = {
     "surface": surface.surface, "shadow_rays": light.shadow_rays, "accumulate": film.accumulate,
     "refract_rays": refraction.refract_rays, "land": refraction.land,
     "interface_direction": refraction.interface_direction, "shading_normal": surface.shading_normal,
+    "measure": build.measure, "grow": grow.grow, "flatten": flatten.flatten,
     "watertight": triangle.watertight, "moller_trumbore": triangle.moller_trumbore,
     "sobol": sampling._sobol, "stratified": sampling._stratified, "independent": sampling._independent,
 }
@@ -316,6 +317,7 @@ def test_the_plain_box_compiles_and_runs_no_more_than_it_needs(cold):
 def test_flat_glass_compiles_the_refraction_but_no_interpolation(cold):
     compiled = cold[1]["compiled"]
     assert compiled["refract_rays"] == compiled["land"] == 1
+    assert compiled["measure"] == compiled["grow"] == compiled["flatten"] == 1  # more than 64 triangles
     assert compiled["interface_direction"] > 0
     assert compiled["shading_normal"] == 0
     assert cold[1]["rays"]["refraction"] > 0

@@ -1,0 +1,62 @@
+"""What callers may ask of a render, checked before anything is done."""
+
+import operator
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from raytrace.errors import OptionError
+from raytrace.records import MAX_PIXELS, MAX_SEED, MAX_SIDE, MAX_SPP, Settings, Window
+
+
+def _integer(name: str, value: Any) -> int:
+    """Turn a whole number of any type into Python's."""
+    if not isinstance(value, bool):
+        try:
+            return operator.index(value)
+        except TypeError:
+            pass
+    raise OptionError(f"{name}: expected a whole number, got {value!r}")
+
+
+def _within(name: str, value: Any, low: int, high: int) -> int:
+    number = _integer(name, value)
+    if not low <= number <= high:
+        raise OptionError(f"{name}: expected a number from {low} to {high}, got {number}")
+    return number
+
+
+def _size(value: Any) -> tuple[int, int]:
+    if not isinstance(value, Sequence | np.ndarray) or len(value) != 2:
+        raise OptionError(f"size: expected (width, height), got {value!r}")
+    width, height = _integer("size", value[0]), _integer("size", value[1])
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE and width * height <= MAX_PIXELS):
+        raise OptionError(f"size: {width}x{height} is outside 1x1 .. {MAX_PIXELS:,} pixels, {MAX_SIDE:,} a side")
+    return width, height
+
+
+def override(settings: Settings, spp: Any, size: Any, seed: Any, precision: Any, sampler: Any) -> Settings:
+    """The scene's settings with the caller's in their place, checked."""
+    wanted = {"spp": spp, "size": size, "seed": seed, "precision": precision, "sampler": sampler}
+    settings = settings._replace(**{name: value for name, value in wanted.items() if value is not None})
+    choices = {"precision": ("auto", "float32", "float64"), "sampler": ("sobol", "stratified", "independent")}
+    for name, allowed in choices.items():
+        if getattr(settings, name) not in allowed:
+            raise OptionError(f"{name}: expected one of {', '.join(allowed)}, got {getattr(settings, name)!r}")
+    return settings._replace(
+        spp=_within("spp", settings.spp, 1, MAX_SPP),
+        seed=_within("seed", settings.seed, 0, MAX_SEED),
+        size=_size(settings.size),
+    )
+
+
+def window_of(size: tuple[int, int], crop: tuple[int, int, int, int] | None) -> Window:
+    """Make the part of the film that is drawn: the crop, or all of it."""
+    window = Window(*(_integer("crop", number) for number in crop or (0, 0, *size)))
+    inside = (
+        window.x >= 0 and window.y >= 0 and window.x + window.width <= size[0] and window.y + window.height <= size[1]
+    )
+    if not inside or window.width < 1 or window.height < 1:
+        raise OptionError(f"crop: {','.join(map(str, window))} is not a part of the film of {size[0]}x{size[1]} pixels")
+    return window

@@ -1,1 +1,0 @@
-collect_ignore_glob = ["*.py"]  # benches are programs; none of their numbers is a test
