@@ -21,6 +21,7 @@ from pathlib import Path
 from types import FunctionType
 
 import numba
+import numpy as np
 from numba.core import caching, event, types
 from numba.core.dispatcher import Dispatcher
 from numba.extending import overload
@@ -81,12 +82,13 @@ _CALLED_BY_KERNELS = _OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper":
 
 def kernel(function):
     """Compile a function that Python calls; the machine code is kept between processes."""
+    if numba.config.DISABLE_JIT:
+        return np.errstate(all="ignore")(function)  # 1 / 0 is inf there too
     compiled = numba.njit(**_OPTIONS)(function)
-    if not numba.config.DISABLE_JIT:
-        try:
-            compiled._cache = _KernelCache(function)
-        except RuntimeError:  # no folder to write to: "no locator available"
-            return compiled
+    try:
+        compiled._cache = _KernelCache(function)
+    except RuntimeError:  # no folder to write to: "no locator available"
+        return compiled
     return compiled
 
 
