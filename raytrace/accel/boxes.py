@@ -1,28 +1,48 @@
-"""Axis-aligned boxes while a tree is built: low x y z, high x y z in an array of six."""
+"""Axis-aligned boxes while a tree is built: eight numbers side by side, so that one minimum of lanes merges two.
+
+A box is low x, y, z, 0, -high x, -high y, -high z, 0 from element i of a flat array on.
+"""
 
 import numpy as np
 
+from raytrace.accel.lanes import load, minimum, peek, splat, store
 from raytrace.jit import inlined
 
+BOX = 8  # numbers of a box
+
 
 @inlined
-def clear(box):
+def clear(a, i):
     """Make a box empty: low inf, high -inf."""
-    for k in range(3):
-        box[k] = np.inf
-        box[k + 3] = -np.inf
+    store(a, i, splat(np.inf, load(a, i, 8)))
 
 
 @inlined
-def include(box, other):
-    """Grow a box by another."""
-    for k in range(3):
-        box[k] = other[k] if other[k] < box[k] else box[k]
-        box[k + 3] = other[k + 3] if other[k + 3] > box[k + 3] else box[k + 3]
+def include(a, i, b, j):
+    """Grow box i of a by box j of b."""
+    store(a, i, minimum(load(a, i, 8), load(b, j, 8)))
 
 
 @inlined
-def half_area(box):
+def low(a, i, axis):
+    """Low side of a box."""
+    return peek(a, i + axis)
+
+
+@inlined
+def high(a, i, axis):
+    """High side of a box."""
+    return -peek(a, i + 4 + axis)
+
+
+@inlined
+def centre(a, i, axis):
+    """Twice the middle of a box."""
+    return low(a, i, axis) + high(a, i, axis)
+
+
+@inlined
+def half_area(a, i):
     """Half the surface of a box."""
-    x, y, z = box[3] - box[0], box[4] - box[1], box[5] - box[2]
+    x, y, z = high(a, i, 0) - low(a, i, 0), high(a, i, 1) - low(a, i, 1), high(a, i, 2) - low(a, i, 2)
     return x * y + y * z + z * x

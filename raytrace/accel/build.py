@@ -1,21 +1,34 @@
 """From a mesh to a tree: normals and bounds of triangles, a binary tree, and its flattening."""
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
-from raytrace.accel.boxes import clear
+from raytrace import parallel
+from raytrace.accel.boxes import BOX, clear
 from raytrace.accel.flatten import flatten
-from raytrace.accel.grow import MAX_DEPTH, SPLITS, grow, make_binary, make_scratch
+from raytrace.accel.grow import MAX_DEPTH, SPLITS, Part, grow, make_binary, make_scratch
 from raytrace.accel.lanes import NODE
 from raytrace.jit import inlined, interpreted, kernel
 from raytrace.records import MollerTrumboreLeaves, Nodes, Tree, WatertightLeaves
 
 FEW = 64  # triangles: up to so many the interpreter builds their tree, in less time than the first run would compile
+PARTS, MIN_PART = 32, 4096  # the tree is shared out in parts of at most 1 / PARTS of the triangles, unless they are few
 LEAVES = {"watertight": WatertightLeaves, "moller-trumbore": MollerTrumboreLeaves}
+
+
+class Steps(NamedTuple):
+    """The kernels of a build, compiled or interpreted."""
+
+    measure: Callable[..., int]
+    grow: Callable[..., int]
+    flatten: Callable[..., tuple[int, int, int]]
 
 
 @inlined
 def product_error(a, b, p):
-    """A b - p exactly, for p = a b rounded, by splitting both into halves [Dekker 1971]."""
+    """Compute a b - p exactly, for p = a b rounded, by splitting both into halves [Dekker 1971]."""
     ca, cb = 134217729.0 * a, 134217729.0 * b
     a_high, b_high = ca - (ca - a), cb - (cb - b)
     a_low, b_low = a - a_high, b - b_high
@@ -24,7 +37,7 @@ def product_error(a, b, p):
 
 @inlined
 def minor(a, b, c, d):
-    """A d - b c to nearly full precision, and zero only if it is."""
+    """Compute a d - b c to nearly full precision, and zero only if it is."""
     p, q = a * d, b * c
     return (p - q) + (product_error(a, d, p) - product_error(b, c, q))
 
@@ -34,13 +47,15 @@ def measure(vertices, faces, triangles, boxes, order, corner):
     """Rows of vertices and unit normal, bounds, and the numbers of the triangles that have an area; how many have."""
     number = 0
     for k in range(len(faces)):
-        clear(boxes[k])
+        clear(boxes, BOX * k)
+        boxes[BOX * k + 3] = boxes[BOX * k + 7] = 0.0
         for j in range(3):
             for axis in range(3):
                 x = vertices[faces[k, j], axis]
+                at = BOX * k + axis
                 triangles[k, 3 * j + axis] = x
-                boxes[k, axis] = x if x < boxes[k, axis] else boxes[k, axis]
-                boxes[k, axis + 3] = x if x > boxes[k, axis + 3] else boxes[k, axis + 3]
+                boxes[at] = x if x < boxes[at] else boxes[at]
+                boxes[at + 4] = -x if -x < boxes[at + 4] else boxes[at + 4]
                 corner[3 * j + axis] = x
         ax, ay, az = corner[3] - corner[0], corner[4] - corner[1], corner[5] - corner[2]
         bx, by, bz = corner[6] - corner[0], corner[7] - corner[1], corner[8] - corner[2]
@@ -74,16 +89,36 @@ def build(vertices, faces, split, triangle):
     levels : int
     """
     m, dtype = len(faces), vertices.dtype
-    measure_, grow_, flatten_ = (interpreted(kernel) if m <= FEW else kernel for kernel in (measure, grow, flatten))
-    triangles, boxes, order = np.empty((m, 12), dtype), np.empty((m, 6), dtype), np.empty(m, np.int32)
+    steps = Steps(*(interpreted(kernel) if m <= FEW else kernel for kernel in (measure, grow, flatten)))
+    triangles, boxes, order = np.empty((m, 12), dtype), np.empty(BOX * m, dtype), np.empty(m, np.int32)
     with np.errstate(all="ignore"):
-        n = measure_(vertices, faces, triangles, boxes, order, np.empty(9))
-        binary = make_binary(order[:n].copy(), boxes)
-        used = grow_(binary, SPLITS[split], NODE, make_scratch(dtype))
-        inner, leaf_count = max((used - 1) // 2, 1), (used + 1) // 2
-        nodes = Nodes(np.empty(inner * 6 * NODE, dtype), np.empty(inner * NODE, np.int32))
-        leaves = LEAVES[triangle](np.empty(leaf_count * 12 * NODE, dtype), np.empty(leaf_count * NODE, np.int32))
+        n = steps.measure(vertices, faces, triangles, boxes, order, np.empty(9))
+        binary, count = _grow_all(make_binary(order[:n].copy(), boxes), SPLITS[split], steps.grow)
+        nodes = Nodes(np.empty(max(count // 2, 1) * 6 * NODE, dtype), np.empty(max(count // 2, 1) * NODE, np.int32))
+        room = (count + 1) // 2
+        leaves = LEAVES[triangle](np.empty(room * 12 * NODE, dtype), np.empty(room * NODE, np.int32))
         stack = np.empty((NODE * (MAX_DEPTH + 64), 3), np.int64)
-        node_count, _, levels = flatten_(binary, nodes, leaves, triangles, stack, np.empty(NODE, np.int64))
+        node_count, _, levels = steps.flatten(binary, nodes, leaves, triangles, stack, np.empty(NODE, np.int64))
     nodes = Nodes(nodes.bounds[: node_count * 6 * NODE].copy(), nodes.child[: node_count * NODE].copy())
     return Tree(nodes, leaves), triangles, levels
+
+
+def _grow_all(binary, split, grow):
+    """Grow the top of a tree, then its parts on all threads; the tree, and how many nodes it has.
+
+    Where the parts begin and where their nodes lie depends on the triangles alone, and so does the tree.
+    """
+    n, dtype = len(binary.order), binary.boxes.dtype
+    binary.count[0] = n
+    few = max(n // PARTS, MIN_PART)
+    used = grow(binary, split, NODE, Part(0, 0, 1, few), make_scratch(dtype))
+    pending = np.flatnonzero(binary.left[:used] < 0)
+    free = used + 2 * np.cumsum(binary.count[pending]) - 2 * binary.count[pending]
+    parts = [Part(int(node), int(~binary.left[node]), int(first), 0) for node, first in zip(pending, free, strict=True)]
+    counts = [used]
+
+    def finish(part):
+        counts.append(grow(binary, split, NODE, part, make_scratch(dtype)) - part.free)
+
+    parallel.run(finish, parts, None)
+    return binary, sum(counts)

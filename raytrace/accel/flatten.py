@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from raytrace.accel.boxes import half_area
+from raytrace.accel.boxes import BOX, half_area, high, low
 from raytrace.accel.lanes import NODE, machine_epsilon
 from raytrace.jit import inlined, kernel
 
@@ -14,8 +14,8 @@ def open_widest(tree, kids, number):
     """Replace the inner child of largest area by its two children; False where all are leaves."""
     widest, largest = -1, -1.0
     for k in range(number):
-        if tree.left[kids[k]] > 0 and half_area(tree.bounds[kids[k]]) > largest:
-            widest, largest = k, half_area(tree.bounds[kids[k]])
+        if tree.left[kids[k]] > 0 and half_area(tree.bounds, BOX * kids[k]) > largest:
+            widest, largest = k, half_area(tree.bounds, BOX * kids[k])
     if widest < 0:
         return False
     left = tree.left[kids[widest]]
@@ -35,14 +35,14 @@ def fill_leaf(tree, node, leaves, leaf, triangles):
 
 
 @inlined
-def fill_box(nodes, node, k, box, eps):
+def fill_box(nodes, at, bounds, i, eps):
     """Write a child's bounds, widened by the rounding of what is tested inside."""
     largest = 0.0
-    for axis in range(6):
-        largest = abs(box[axis]) if abs(box[axis]) > largest else largest
+    for axis in range(BOX):
+        largest = abs(bounds[i + axis]) if abs(bounds[i + axis]) > largest else largest
     for axis in range(3):
-        nodes.bounds[(node * 6 + axis) * NODE + k] = box[axis] - largest * (WIDEN * eps)
-        nodes.bounds[(node * 6 + axis + 3) * NODE + k] = box[axis + 3] + largest * (WIDEN * eps)
+        nodes.bounds[at + axis * NODE] = low(bounds, i, axis) - largest * (WIDEN * eps)
+        nodes.bounds[at + (axis + 3) * NODE] = high(bounds, i, axis) + largest * (WIDEN * eps)
 
 
 @kernel
@@ -64,7 +64,7 @@ def flatten(tree, nodes, leaves, triangles, stack, kids):
                 for row in range(6):
                     nodes.bounds[(node * 6 + row) * NODE + k] = np.inf if row < 3 else -np.inf
                 continue
-            fill_box(nodes, node, k, tree.bounds[kids[k]], eps)
+            fill_box(nodes, node * 6 * NODE + k, tree.bounds, BOX * kids[k], eps)
             if tree.left[kids[k]] == 0:
                 fill_leaf(tree, kids[k], leaves, number_of_leaves, triangles)
                 nodes.child[node * NODE + k] = ~number_of_leaves

@@ -1,10 +1,10 @@
-"""The binary tree: triangles split from the top down, by binned SAH or by medians."""
+"""The binary tree: triangles split from the top down, by binned SAH or by medians, in parts that threads share."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.accel.boxes import clear, half_area, include
+from raytrace.accel.boxes import BOX, centre, clear, half_area, high, include, low
 from raytrace.jit import inlined, kernel, subroutine
 
 SPLITS = {"sah": 0, "median": 1}
@@ -15,112 +15,118 @@ MAX_DEPTH = 64  # below, every split halves the count, so that no input makes a 
 class Binary(NamedTuple):
     """A binary tree; the right child of a node follows the left one."""
 
-    bounds: np.ndarray  # (2n, 6) f, world units: low x y z, high x y z
-    left: np.ndarray  # (2n,) i4: left child; 0 for a leaf
-    first: np.ndarray  # (2n,) i4: first of its triangles in `order`
-    count: np.ndarray  # (2n,) i4: how many they are
-    order: np.ndarray  # (n,) i4: triangles
-    boxes: np.ndarray  # (n, 6) f, world units: bounds of each triangle
-
-
-def make_binary(order, boxes):
-    """Room for the tree of some triangles."""
-    room = 2 * max(len(order), 1)
-    bounds = np.empty((room, 6), boxes.dtype)
-    return Binary(bounds, *(np.zeros(room, np.int32) for _ in range(3)), order, boxes)
+    bounds: np.ndarray  # (8n,) f, world units: box of each node
+    left: np.ndarray  # (n,) i4: left child; 0 for a leaf; ~depth for a node that is yet to be split
+    first: np.ndarray  # (n,) i4: first of its triangles in `order`
+    count: np.ndarray  # (n,) i4: how many they are
+    order: np.ndarray  # (t,) i4: triangles
+    boxes: np.ndarray  # (8m,) f, world units: box of each triangle of the mesh
 
 
 class Scratch(NamedTuple):
     """Memory for one thread of ``grow``."""
 
-    middles: np.ndarray  # (6,) f, world units: bounds of doubled centres
-    bins: np.ndarray  # (BINS, 6) f, world units: bounds of each bin's triangles
-    counts: np.ndarray  # (BINS,) i8: triangles in each bin
-    grown: np.ndarray  # (2, 6) f, world units: bounds of the bins from the right, and from the left
+    middles: np.ndarray  # (8,) f, world units: box of doubled centres
+    scale: np.ndarray  # (3,) f: bins per world unit along each axis
+    bins: np.ndarray  # (3 * BINS * 8,) f, world units: box of each bin's triangles
+    counts: np.ndarray  # (3 * BINS,) i8: triangles in each bin
+    grown: np.ndarray  # (8,) f, world units: box of the bins swept so far
     right: np.ndarray  # (BINS,) f8: SAH cost of the bins from this one on
     stack: np.ndarray  # (s, 2) i8: node, depth
 
 
+class Part(NamedTuple):
+    """A node to split, and how far."""
+
+    node: int
+    depth: int
+    free: int  # the first free node
+    few: int  # nodes of at most so many triangles are left to other threads
+
+
+def make_binary(order, boxes):
+    """Room for the tree of some triangles, grown in any number of parts."""
+    room = 4 * max(len(order), 1)
+    return Binary(np.empty(BOX * room, boxes.dtype), *(np.zeros(room, np.int32) for _ in range(3)), order, boxes)
+
+
 def make_scratch(dtype):
     """Scratch memory for boxes of that type."""
-    floats = (np.empty(shape, dtype) for shape in (6, (BINS, 6), (2, 6)))
-    middles, bins, grown = floats
-    return Scratch(
-        middles, bins, np.empty(BINS, np.int64), grown, np.empty(BINS), np.empty((MAX_DEPTH + 64, 2), np.int64)
-    )
-
-
-@inlined
-def centre(box, axis):
-    """Twice the middle of a box along an axis."""
-    return box[axis] + box[axis + 3]
+    middles, scale, bins, grown = (np.zeros(n, dtype) for n in (BOX, 3, 3 * BINS * BOX, BOX))
+    counts, stack = np.empty(3 * BINS, np.int64), np.empty((MAX_DEPTH + 64, 2), np.int64)
+    return Scratch(middles, scale, bins, counts, grown, np.empty(BINS), stack)
 
 
 @subroutine
-def bound(tree, begin, end, box, middles):
-    """Bounds of triangles of `order`, and of their (doubled) centres."""
-    clear(box)
-    clear(middles)
+def bound(tree, begin, end, node, middles):
+    """Box of the triangles of a node, and of their (doubled) centres."""
+    clear(tree.bounds, BOX * node)
+    clear(middles, 0)
     for k in range(begin, end):
-        other = tree.boxes[tree.order[k]]
-        include(box, other)
+        at = BOX * np.int64(tree.order[k])
+        include(tree.bounds, BOX * node, tree.boxes, at)
         for axis in range(3):
-            middle = centre(other, axis)
+            middle = centre(tree.boxes, at, axis)
             middles[axis] = middle if middle < middles[axis] else middles[axis]
-            middles[axis + 3] = middle if middle > middles[axis + 3] else middles[axis + 3]
+            middles[axis + 4] = -middle if -middle < middles[axis + 4] else middles[axis + 4]
 
 
 @inlined
-def bin_of(box, axis, low, scale):
-    """The bin that a triangle's centre falls into."""
-    number = int((centre(box, axis) - low) * scale)
+def bin_of(tree, at, axis, scratch):
+    """The bin along an axis that a triangle's centre falls into."""
+    number = int((centre(tree.boxes, at, axis) - low(scratch.middles, 0, axis)) * scratch.scale[axis])
     return number if number < BINS else BINS - 1
 
 
 @subroutine
-def best_plane(tree, begin, end, scratch):
-    """Axis, bin and cost of the cheapest of all planes between bins: sum of area times count [Wald 2007]; -1: none."""
-    best_axis, best_bin, best_cost = -1, 0, np.inf
-    middles, bins, counts, grown, right = scratch.middles, scratch.bins, scratch.counts, scratch.grown, scratch.right
+def fill_bins(tree, begin, end, scratch):
+    """Sort triangles into the bins of all three axes; axes without extent get one bin."""
     for axis in range(3):
-        extent = middles[axis + 3] - middles[axis]
-        if not (extent > 0.0 and BINS / extent < np.inf):
-            continue
-        scale = BINS / extent
-        for k in range(BINS):
-            clear(bins[k])
-            counts[k] = 0
-        for k in range(begin, end):
-            other = tree.boxes[tree.order[k]]
-            b = bin_of(other, axis, middles[axis], scale)
-            include(bins[b], other)
-            counts[b] += 1
-        clear(grown[0])
-        clear(grown[1])
+        extent = high(scratch.middles, 0, axis) - low(scratch.middles, 0, axis)
+        scratch.scale[axis] = BINS / extent if extent > 0.0 and BINS / extent < np.inf else 0.0
+    for k in range(3 * BINS):
+        clear(scratch.bins, BOX * k)
+        scratch.counts[k] = 0
+    for k in range(begin, end):
+        at = BOX * np.int64(tree.order[k])
+        for axis in range(3):
+            b = axis * BINS + bin_of(tree, at, axis, scratch)
+            include(scratch.bins, BOX * b, tree.boxes, at)
+            scratch.counts[b] += 1
+
+
+@subroutine
+def best_plane(scratch):
+    """Axis and last bin of the cheapest of all planes between bins: sum of area times count [Wald2007]; -1: none."""
+    best_axis, best_bin, best_cost = -1, 0, np.inf
+    bins, grown, right = scratch.bins, scratch.grown, scratch.right
+    for axis in range(3):
+        first = axis * BINS
+        clear(grown, 0)
         number = 0
         for k in range(BINS - 1, 0, -1):
-            include(grown[0], bins[k])
-            number += counts[k]
-            right[k] = half_area(grown[0]) * number if number > 0 else np.inf
+            include(grown, 0, bins, BOX * (first + k))
+            number += scratch.counts[first + k]
+            right[k] = half_area(grown, 0) * number if number > 0 else np.inf
+        clear(grown, 0)
         number = 0
         for k in range(BINS - 1):
-            include(grown[1], bins[k])
-            number += counts[k]
+            include(grown, 0, bins, BOX * (first + k))
+            number += scratch.counts[first + k]
             if number > 0:
-                cost = half_area(grown[1]) * number + right[k + 1]
+                cost = half_area(grown, 0) * number + right[k + 1]
                 if cost < best_cost:
                     best_axis, best_bin, best_cost = axis, k, cost
-    return best_axis, best_bin, best_cost
+    return best_axis, best_bin
 
 
 @inlined
-def partition(tree, begin, end, plane):
-    """Bring triangles of bins up to ``last`` to the front; where the others begin."""
-    axis, low, scale, last = plane
+def partition(tree, begin, end, plane, scratch):
+    """Bring triangles of bins up to a plane (axis, last bin) to the front; where the others begin."""
     i, j = begin, end - 1
     while i <= j:
         triangle = tree.order[i]
-        if bin_of(tree.boxes[triangle], axis, low, scale) <= last:
+        if bin_of(tree, BOX * np.int64(triangle), plane[0], scratch) <= plane[1]:
             i += 1
         else:
             tree.order[i] = tree.order[j]
@@ -129,64 +135,72 @@ def partition(tree, begin, end, plane):
     return i
 
 
+@inlined
+def key(tree, k, axis):
+    """Centre along an axis of a triangle of `order`."""
+    return centre(tree.boxes, BOX * np.int64(tree.order[k]), axis)
+
+
 @subroutine
 def split_median(tree, begin, end, middles):
-    """Bring the lower half of the triangles to the front, by centre along the axis of widest spread [Hoare 1961]."""
-    axis = 0
-    for k in range(1, 3):
-        if middles[k + 3] - middles[k] > middles[axis + 3] - middles[axis]:
-            axis = k
-    order, boxes = tree.order, tree.boxes
-    middle, low, high = (begin + end) // 2, begin, end - 1
-    while low < high:
-        pivot = centre(boxes[order[(low + high) // 2]], axis)
-        i, j = low, high
+    """Bring the lower half of the triangles to the front, by centre along the axis of widest spread [Hoare1961]."""
+    axis, widest = 0, -1.0
+    for k in range(3):
+        if high(middles, 0, k) - low(middles, 0, k) > widest:
+            axis, widest = k, high(middles, 0, k) - low(middles, 0, k)
+    order = tree.order
+    middle, lowest, highest = (begin + end) // 2, begin, end - 1
+    while lowest < highest:
+        pivot = key(tree, (lowest + highest) // 2, axis)
+        i, j = lowest, highest
         while i <= j:
-            while centre(boxes[order[i]], axis) < pivot:
+            while key(tree, i, axis) < pivot:
                 i += 1
-            while centre(boxes[order[j]], axis) > pivot:
+            while key(tree, j, axis) > pivot:
                 j -= 1
             if i <= j:
                 order[i], order[j] = order[j], order[i]
                 i += 1
                 j -= 1
         if middle <= j:
-            high = j
+            highest = j
         elif middle >= i:
-            low = i
+            lowest = i
         else:
             break
     return middle
 
 
 @kernel
-def grow(tree, split, leaf_size, scratch):
-    """Split nodes from the root (node 0: all of `order`) down; the number of nodes."""
-    middles, stack = scratch.middles, scratch.stack
-    stack[0, 0] = stack[0, 1] = 0
-    tree.first[0], tree.count[0] = 0, len(tree.order)
-    nodes, top = 1, 1
+def grow(tree, split, leaf_size, part, scratch):
+    """Split a node and its children down to leaves, or to nodes that are left to others; the next free node."""
+    stack = scratch.stack
+    stack[0, 0], stack[0, 1] = part.node, part.depth
+    free, top = part.free, 1
     while top > 0:
         top -= 1
         node, depth = stack[top, 0], stack[top, 1]
         begin, end = tree.first[node], tree.first[node] + tree.count[node]
-        bound(tree, begin, end, tree.bounds[node], middles)
+        if depth > part.depth and end - begin <= part.few:
+            tree.left[node] = ~depth
+            continue
+        bound(tree, begin, end, node, scratch.middles)
         if end - begin <= leaf_size:
             tree.left[node] = 0
             continue
-        axis = -1
+        axis, last = -1, 0
         if split == 0 and depth < MAX_DEPTH:
-            axis, last, _ = best_plane(tree, begin, end, scratch)
+            fill_bins(tree, begin, end, scratch)
+            axis, last = best_plane(scratch)
         if axis >= 0:
-            scale = BINS / (middles[axis + 3] - middles[axis])
-            middle = partition(tree, begin, end, (axis, middles[axis], scale, last))
+            middle = partition(tree, begin, end, (axis, last), scratch)
         else:
-            middle = split_median(tree, begin, end, middles)
-        tree.left[node] = nodes
-        tree.first[nodes], tree.count[nodes] = begin, middle - begin
-        tree.first[nodes + 1], tree.count[nodes + 1] = middle, end - middle
-        for child in range(nodes, nodes + 2):
-            stack[top, 0], stack[top, 1] = child, depth + 1
-            top += 1
-        nodes += 2
-    return nodes
+            middle = split_median(tree, begin, end, scratch.middles)
+        tree.left[node] = free
+        tree.first[free], tree.count[free] = begin, middle - begin
+        tree.first[free + 1], tree.count[free + 1] = middle, end - middle
+        stack[top, 0], stack[top, 1] = free + 1, depth + 1
+        stack[top + 1, 0], stack[top + 1, 1] = free, depth + 1
+        top += 2
+        free += 2
+    return free

@@ -97,7 +97,9 @@ def machine() -> dict[str, Any]:
 
 def _processor() -> str:
     about = Path("/proc/cpuinfo")
-    fields = dict(line.split(":", 1) for line in about.read_text().splitlines() if ":" in line) if about.exists() else {}
+    fields = (
+        dict(line.split(":", 1) for line in about.read_text().splitlines() if ":" in line) if about.exists() else {}
+    )
     fields = {name.strip(): value.strip() for name, value in fields.items()}
     if "model name" not in fields:
         return platform.processor() or platform.machine()

@@ -10,7 +10,7 @@ import numpy as np
 import raytrace as rt
 from workloads import Mesh, RaySet
 
-THINNED = 8  # embreex traces one ray in so many
+THINNED = 7  # embreex traces one ray in so many
 
 
 class Ours:

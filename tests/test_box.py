@@ -1,0 +1,98 @@
+"""The slab test, seen from outside: a tree never loses what its triangles alone would hit."""
+
+import numpy as np
+import pytest
+
+import rays
+import raytrace as rt
+
+PRECISIONS = ("float32", "float64")
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_a_tree_hits_what_its_triangles_hit_one_by_one(precision):
+    """Rays at edges, where boxes end: the nearest of single triangles is the answer of the tree, bit for bit."""
+    vertices, faces = rays.fan(20)
+    targets = rays.edge_points((vertices, faces), precision, seed=1)
+    o, d = rays.towards([[3.0, 0.5, 2.0], [0.1, 0.0, -4.0], [0.0, 0.0, 0.0]], targets)
+    t = np.array([rt.BVH(vertices, faces[i : i + 1], precision).closest_hit(o, d).t for i in range(len(faces))])
+    bvh = rt.BVH(vertices, faces, precision)
+    assert np.isfinite(t.min(axis=0)).any()
+    for hits in rays.both_paths(bvh, o, d):
+        assert rays.same_bits(hits.t, t.min(axis=0))
+        assert np.array_equal(hits.prim_id, np.where(np.isfinite(hits.t), t.argmin(axis=0), -1))
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_boxes_without_thickness_are_entered(axis, precision):
+    """A grid at a height that no number holds exactly: its boxes are flat, and rays cross them at all angles."""
+    vertices, faces = rays.grid(16)
+    vertices = np.roll(vertices + [0, 0, 0.1], axis, axis=1)
+    rng = np.random.default_rng(2)
+    targets = np.roll(np.column_stack([rng.uniform(0.1, 15.9, (3000, 2)), np.full(3000, 0.1)]), axis, axis=1)
+    o = targets + rng.normal(size=(3000, 3)) * 10.0 ** rng.uniform(-3, 3, (3000, 1))
+    o, d = o.astype(precision), (targets - o).astype(precision)
+    across = (2 + axis) % 3
+    bvh = rt.BVH(vertices, faces, precision)
+    crosses = d[:, across] != 0  # a rounding may leave o in the plane
+    assert crosses.mean() > 0.99
+    for hits in rays.both_paths(bvh, o[crosses], d[crosses]):
+        assert (hits.prim_id >= 0).all()
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_origins_on_faces_edges_and_corners_of_boxes_see_the_other_side(precision):
+    vertices, faces = rays.cube()
+    steps = np.array(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3)).reshape(3, -1).T
+    on_box = steps[(np.abs(steps) == 1).any(axis=1)]  # of the cube, which is the box of its tree
+    o, to = (a.reshape(-1, 3) for a in np.broadcast_arrays(on_box[:, None], 0.9 * steps))
+    bvh = rt.BVH(vertices, faces, precision)
+    d = to - o
+    for hits in rays.both_paths(bvh, o.astype(precision), d.astype(precision)):
+        assert (hits.prim_id >= 0).all()  # from the wall inwards: the wall itself at t = 0 is not in the open interval
+        assert (hits.t > 0.9).all()
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("distance", [1e2, 1e4, 1e6])
+def test_far_origins_lose_nothing(distance, precision):
+    """The error of t in units of a small box grows with the distance: the slabs must grow with it."""
+    vertices, faces = rays.icosphere(2)
+    rng = np.random.default_rng(3)
+    away = rng.normal(size=(2000, 3))
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    targets = 0.5 * rng.normal(size=(2000, 3)) / 3
+    o = (distance * away).astype(precision)
+    d = (targets - o).astype(precision)
+    aimed = (
+        np.linalg.norm(np.cross(o.astype(np.float64), d), axis=1) / np.linalg.norm(d.astype(np.float64), axis=1) < 0.9
+    )
+    assert aimed.mean() > 0.8
+    bvh = rt.BVH(vertices, faces, precision)
+    for hits in rays.both_paths(bvh, o[aimed], d[aimed]):
+        # v - o is rounded to eps times the distance, and a mesh that is smaller than that may be missed
+        if distance * np.finfo(precision).eps < 0.05:
+            assert (hits.prim_id >= 0).all()
+
+
+@pytest.mark.nojit
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_zeros_of_both_signs_in_directions_are_alike(precision):
+    bvh = rt.BVH(*rays.cube(), precision)
+    for d in rays.signed_axes():
+        assert bvh.closest_hit([0, 0, 0], d).t[0] == 1
+        assert bvh.closest_hit([1, 1, 1] * np.abs(d) * -2 * d + 0.5 * (d == 0), d).t[0] == 1
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_components_next_to_nothing_are_like_zeros(precision):
+    bvh = rt.BVH(*rays.cube(), precision)
+    tiny = float(np.finfo(precision).smallest_subnormal)
+    for small in (tiny, -tiny, 1e-38, -1e-38, 1e-30, -1e-20):
+        d = np.array([[1, small, 0], [small, -1, small], [0, small, 1], [-1, small, -small]], precision)
+        for hits in rays.both_paths(bvh, np.zeros_like(d), d):
+            assert (hits.t == 1).all()
+        outside = bvh.closest_hit(np.array([[-2, 1.5, 0]] * 4, precision), d)
+        assert (outside.prim_id == -1).all()
