@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from raytrace.errors import OptionError
-from raytrace.records import MAX_PIXELS, MAX_SEED, MAX_SIDE, MAX_SPP, Settings, Window
+from raytrace.records import LAYERS, MAX_PIXELS, MAX_SEED, MAX_SIDE, MAX_SPP, Settings, Window
 
 
 def _integer(name: str, value: Any) -> int:
@@ -60,3 +60,21 @@ def window_of(size: tuple[int, int], crop: tuple[int, int, int, int] | None) -> 
     if not inside or window.width < 1 or window.height < 1:
         raise OptionError(f"crop: {','.join(map(str, window))} is not a part of the film of {size[0]}x{size[1]} pixels")
     return window
+
+
+def layers_of(aov: Sequence[str]) -> tuple[str, ...]:
+    """Check names of layers; one alone may be a plain string."""
+    names = (aov,) if isinstance(aov, str) else tuple(aov)
+    for name in names:
+        if name not in LAYERS:
+            raise OptionError(f"aov: {name!r}: expected some of {', '.join(LAYERS)}")
+    return names
+
+
+def deadline_after(time_limit: float | None) -> float:
+    """Seconds that a render may take; inf for no limit."""
+    if time_limit is None:
+        return float("inf")
+    if not time_limit >= 0:
+        raise OptionError(f"time_limit: expected seconds, at least 0, got {time_limit!r}")
+    return time_limit

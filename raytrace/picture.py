@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from raytrace import image
 from raytrace.accel.bvh import BVH
 from raytrace.passes.camera import make_view
-from raytrace.records import Hits, Scene, Window
+from raytrace.records import LAYERS, Hits, Scene, Window
 
-LAYERS = "depth", "normal", "albedo", "prim_id", "position", "samples"
 ROWS = 64  # of pixels whose layers are computed at a time
 
 
@@ -63,7 +62,8 @@ class Render:
     aov : Mapping
         Layers "depth", "normal", "albedo", "prim_id", "position", "samples", computed when asked for.
     stats : dict
-        Rays by kind, seconds by pass (summed over threads), compile seconds, samples, estimated error.
+        Rays by kind (with those that fill up a tile's last packet), seconds by pass (summed over threads), compile
+        seconds, samples, estimated error.
     provenance : dict
         Version, scene hash, seed, settings, seconds: what is written into files.
     complete : bool

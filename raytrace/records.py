@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 DIFFUSE, REFRACTIVE = range(2)  # Materials.kind
+LAYERS = "depth", "normal", "albedo", "prim_id", "position", "samples"  # AOVs
 
 # Limits of the scene format and of `render`
 MAX_SIDE = 65_536  # pixels along a side of the film

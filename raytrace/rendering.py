@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 import raytrace
 from raytrace import parallel
 from raytrace.accel.lanes import BITS
-from raytrace.errors import OptionError
 from raytrace.jit import on_compile
-from raytrace.options import override, window_of
+from raytrace.options import deadline_after, layers_of, override, window_of
 from raytrace.passes.camera import make_view
 from raytrace.passes.film import LUMINANCE
 from raytrace.passes.sampling import make_sampler
-from raytrace.picture import LAYERS, Layers, Render, trace_layers
+from raytrace.picture import Layers, Render, trace_layers
 from raytrace.records import Scene, Settings, Window
 from raytrace.scene.load import load
 from raytrace.scene.plan import make_plan
@@ -107,14 +106,9 @@ def render(
         scene = load(scene)
     settings = override(scene.settings, spp, size, seed, precision, sampler)
     window = window_of(settings.size, crop)
-    for name in aov:
-        if name not in LAYERS:
-            raise OptionError(f"aov: {name!r}: expected some of {', '.join(LAYERS)}")
+    layers, limit = layers_of(aov), deadline_after(time_limit)
     job = _Job(scene, settings, window, progress or (lambda _: None))
-    picture = job.run(parallel.thread_count(threads), time_limit)
-    for name in aov:
-        picture.aov[name]
-    return picture
+    return job.run(parallel.thread_count(threads), limit, layers)
 
 
 def _tile_order() -> NDArray[np.uint32]:
@@ -134,19 +128,22 @@ class _Job:
         self.precision = self.plan.precision.name if settings.precision == "auto" else settings.precision
         pixels = window.width * window.height
         self.film = Film(np.zeros((4, pixels)), np.zeros(pixels, np.int32))
+        self.layers = Layers(self.film.samples.reshape(window.height, window.width), self._trace_layers)
         self.began = time.perf_counter()
         self._local = threading.local()
         self._wavefronts: list[Wavefront] = []
 
-    def run(self, threads: int, time_limit: float | None) -> Render:
+    def run(self, threads: int, time_limit: float, layers: Sequence[str]) -> Render:
         """Draw until done, stopped or out of time."""
-        deadline = np.inf if time_limit is None else self.began + time_limit
+        deadline = self.began + time_limit
         complete, interrupted = False, False
         with on_compile(lambda: self._say("compiling", 0, 1)) as compiled:
             try:
                 self._prepare()
                 self._drawing = time.perf_counter()
-                complete = self._draw_all(threads, time_limit is not None, lambda: time.perf_counter() > deadline)
+                complete = self._draw_all(threads, time_limit < np.inf, lambda: time.perf_counter() > deadline)
+                for name in layers:
+                    self.layers[name]
             except KeyboardInterrupt:
                 interrupted = True
         return self._picture(complete, interrupted, compiled.seconds)
@@ -241,9 +238,8 @@ class _Job:
             "complete": int(complete),
             "seconds": round(seconds, 4),
         }
-        layers = Layers(samples.reshape(height, width), self._trace_layers)
-        shape = (height, width)
-        return Render(rgb.reshape(*shape, 3), stderr.reshape(shape), layers, stats, provenance, complete, interrupted)
+        rgb, stderr = rgb.reshape(height, width, 3), stderr.reshape(height, width)
+        return Render(rgb, stderr, self.layers, stats, provenance, complete, interrupted)
 
     def _trace_layers(self) -> dict[str, NDArray[Any]]:
         self._prepare()

@@ -26,7 +26,12 @@ LONG_FILES: dict[str, str] = {}
 LONG_BODIES: dict[str, str] = {}
 MANY_ARGUMENTS: dict[str, str] = {}
 
-NUMBA = ("jit.py", "accel/lanes.py", "accel/lanes_jit.py", "accel/lanes_types.py")  # the decorator, and the type that it compiles
+NUMBA = (
+    "jit.py",
+    "accel/lanes.py",
+    "accel/lanes_jit.py",
+    "accel/lanes_types.py",
+)  # the decorator, and the type that it compiles
 
 # folder -> the folders of the package that it may not import, so that data flows one way
 LAYERS = {

@@ -11,7 +11,6 @@ import raytrace as rt
 
 PRECISIONS = ("float32", "float64")
 FLOOR = np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0]]), np.array([[0, 1, 2]])  # z = 0
-UNNAMED = pytest.mark.xfail(reason="rays that are no numbers get NumPy's own message, or none")
 MESHES = {
     "soup": lambda: rays.soup(200, seed=1),
     "slivers": lambda: rays.soup(200, seed=2, size=2.0),
@@ -197,7 +196,6 @@ def test_rays_that_are_not_finite_or_have_no_direction_miss(precision):
     assert np.array_equal(bvh.closest_hit(o, d).t, np.where(good, 1, np.inf))
 
 
-@pytest.mark.xfail(reason="t overflows to inf, yet prim_id names a triangle and any_hit says True")
 def test_hits_may_lie_beyond_all_numbers_only_if_they_are_misses():
     bvh = rt.BVH(*FLOOR)
     o, d = np.array([[1, 1, 1]], np.float32), np.array([[0, 0, -1e-40]], np.float32)  # t = 1e40
@@ -340,11 +338,11 @@ def test_a_mesh_that_is_wrong_is_told_where(arguments, message):
         ((np.zeros((3, 3)), np.zeros(4)), r"directions: .*\(4,\)"),
         ((np.zeros((3, 3)), np.zeros((2, 3, 3))), r"directions: .*\(2, 3, 3\)"),
         ((np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 1))), r"tmin: .*\(3, 1\)"),
-        pytest.param(([[0, 0, 0], [0, 0]], np.zeros((2, 3))), "origins: ", marks=UNNAMED),
-        pytest.param(([["x", "y", "z"]], np.zeros((1, 3))), "origins: ", marks=UNNAMED),
-        pytest.param((np.zeros((1, 3)), np.zeros((1, 3)) * 1j), "directions: ", marks=UNNAMED),
-        pytest.param((np.zeros((1, 3)), np.zeros((1, 3)), "x"), "tmin: ", marks=UNNAMED),
-        pytest.param((np.zeros((1, 3)), np.zeros((1, 3)), 0.0, None), "tmax: ", marks=UNNAMED),
+        (([[0, 0, 0], [0, 0]], np.zeros((2, 3))), "origins: "),
+        (([["x", "y", "z"]], np.zeros((1, 3))), "origins: "),
+        ((np.zeros((1, 3)), np.zeros((1, 3)) * 1j), "directions: "),
+        ((np.zeros((1, 3)), np.zeros((1, 3)), "x"), "tmin: "),
+        ((np.zeros((1, 3)), np.zeros((1, 3)), 0.0, None), "tmax: "),
         ((np.zeros((3, 3)), np.zeros((3, 3)), 0.0, 1.0, 0), "threads"),
         ((np.zeros((3, 3)), np.zeros((3, 3)), 0.0, 1.0, -1), "threads"),
     ],

@@ -1,16 +1,25 @@
 """``BVH``: checks at the door, then the queries on as many threads as wanted."""
 
-import ctypes
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace.accel import query
 from raytrace.accel.build import LEAVES, build
+from raytrace.accel.door import (
+    check_faces,
+    check_limits,
+    check_points,
+    check_vertices,
+    columns_of,
+    one_of,
+    rays_from,
+    whole_strides,
+)  # fmt: skip
 from raytrace.accel.grow import SPLITS
+from raytrace.accel.health import TreeStats, tree_problems, tree_stats
 from raytrace.accel.lanes import NODE
 from raytrace.parallel import run
-from raytrace.records import Columns, Hits, Rays, Surface, Work
+from raytrace.records import Hits, Rays, Surface, Work
 
 CHUNK = 1 << 14  # rays handed to a thread at a time
 GAMMA = 16  # see passes/surface.py
@@ -59,12 +68,12 @@ class BVH:
         split: str = "sah",
         triangle: str = "watertight",
     ) -> None:
-        _one_of("precision", precision, ("float32", "float64"))
-        _one_of("split", split, SPLITS)
-        _one_of("triangle", triangle, LEAVES)
+        one_of("precision", precision, ("float32", "float64"))
+        one_of("split", split, SPLITS)
+        one_of("triangle", triangle, LEAVES)
         self.precision, self.split, self.triangle = precision, split, triangle
-        self.vertices = _vertices(vertices, np.dtype(precision))
-        self.faces = _faces(faces, len(self.vertices))
+        self.vertices = check_vertices(vertices, np.dtype(precision))
+        self.faces = check_faces(faces, len(self.vertices))
         self.tree, self.triangles, self.levels = build(self.vertices, self.faces, split, triangle)
 
     def __repr__(self) -> str:
@@ -107,14 +116,14 @@ class BVH:
         array([ 1., inf], dtype=float32)
         """
         arrays, n = self._arrays(origins, directions, tmin, tmax)
-        rays = Rays(*(_columns(array, n) for array in arrays))
+        rays = Rays(*(columns_of(array, n) for array in arrays))
         dtype = self.triangles.dtype
         hits = Hits(np.empty(n, dtype), np.empty(n, np.int32), np.empty(n, dtype), np.empty(n, dtype))
 
         def trace(begin: int) -> None:
             count = min(CHUNK, n - begin)
             part = Hits(*(column[begin : begin + count] for column in hits))
-            query.closest_hit(self.tree, _from(rays, begin), part, count, self.work())
+            query.closest_hit(self.tree, rays_from(rays, begin), part, count, self.work())
 
         run(trace, range(0, n, CHUNK), threads)
         return hits
@@ -141,12 +150,12 @@ class BVH:
         array([False,  True])
         """
         arrays, n = self._arrays(origins, directions, tmin, tmax)
-        rays = Rays(*(_columns(array, n) for array in arrays))
+        rays = Rays(*(columns_of(array, n) for array in arrays))
         occluded = np.empty(n, np.bool_)
 
         def trace(begin: int) -> None:
             count = min(CHUNK, n - begin)
-            query.any_hit(self.tree, _from(rays, begin), occluded[begin : begin + count], count, self.work())
+            query.any_hit(self.tree, rays_from(rays, begin), occluded[begin : begin + count], count, self.work())
 
         run(trace, range(0, n, CHUNK), threads)
         return occluded
@@ -182,6 +191,35 @@ class BVH:
         largest = np.maximum(np.maximum(np.abs(v0), np.abs(v1)), np.abs(v2))
         return Surface((1 - u - v) * v0 + (u * v1 + v * v2), gamma * largest, ng)
 
+    @property
+    def stats(self) -> TreeStats:
+        """Numbers of the tree: triangles, nodes, leaves, levels, fill, SAH cost, bytes per triangle.
+
+        Examples
+        --------
+        >>> import raytrace as rt
+        >>> rt.BVH([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).stats.leaves
+        1
+        """
+        return tree_stats(self.tree, self.levels)
+
+    def validate(self) -> None:
+        """Check that every triangle lies in one leaf, every box holds what is below it, and all links are sound.
+
+        Raises
+        ------
+        ValueError
+            What is wrong, a line each.
+
+        Examples
+        --------
+        >>> import raytrace as rt
+        >>> rt.BVH([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).validate()
+        """
+        problems = tree_problems(self.tree, self.triangles)
+        if problems:
+            raise ValueError("\n".join(problems))
+
     def work(self) -> Work:
         """Scratch memory for one thread."""
         room = (NODE - 1) * self.levels + 2
@@ -191,92 +229,10 @@ class BVH:
         """Origins, directions, tmin, tmax in the precision of the tree, and the number of rays."""
         dtype = self.triangles.dtype
         names = "origins", "directions", "tmin", "tmax"
-        arrays = [_points(name, value, dtype) for name, value in zip(names[:2], rays[:2], strict=True)]
-        arrays += [_limits(name, value, dtype) for name, value in zip(names[2:], rays[2:], strict=True)]
+        arrays = [check_points(name, value, dtype) for name, value in zip(names[:2], rays[:2], strict=True)]
+        arrays += [check_limits(name, value, dtype) for name, value in zip(names[2:], rays[2:], strict=True)]
         lengths = {name: len(array) for name, array in zip(names, arrays, strict=True) if array.ndim}
         several = {length for length in lengths.values() if length != 1}
         if len(several) > 1:
             raise ValueError(f"origins, directions, tmin, tmax: lengths do not go together: {lengths}")
-        return [_whole_strides(array) for array in arrays], several.pop() if several else 1
-
-
-def _one_of(name: str, value: str, allowed: object) -> None:
-    if value not in allowed:  # type: ignore[operator]
-        raise ValueError(f"{name}: expected one of {', '.join(allowed)}, got {value!r}")  # type: ignore[call-overload]
-
-
-def _array(name: str, value: ArrayLike) -> NDArray[np.generic]:
-    try:
-        array = np.asarray(value)
-    except ValueError as error:
-        raise ValueError(f"{name}: expected an (n, 3) array of numbers: {error}") from None
-    if array.ndim != 2 or array.shape[1] != 3:
-        raise ValueError(f"{name}: expected an (n, 3) array, got shape {array.shape}")
-    return array
-
-
-def _vertices(value: ArrayLike, dtype: np.dtype) -> NDArray[np.floating]:
-    array = _array("vertices", value)
-    if array.dtype.kind not in "fiu":
-        raise ValueError(f"vertices: expected numbers, got dtype {array.dtype}")
-    with np.errstate(over="ignore"):
-        array = np.ascontiguousarray(array, dtype)
-    bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
-    if len(bad):
-        raise ValueError(f"vertices: row {bad[0]} is not finite in {dtype}: {array[bad[0]]} ({len(bad)} such rows)")
-    return array
-
-
-def _faces(value: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
-    array = np.asarray(value)
-    if array.size == 0:
-        array = np.empty((0, 3), np.int32)
-    array = _array("faces", array)
-    if array.dtype.kind not in "iu":
-        raise ValueError(f"faces: expected integers, got dtype {array.dtype}")
-    bad = np.flatnonzero(((array < 0) | (array >= vertex_count)).any(axis=1))
-    if len(bad):
-        raise ValueError(
-            f"faces: row {bad[0]} is {array[bad[0]].tolist()}, but there are {vertex_count} vertices, numbered from 0"
-        )
-    return np.ascontiguousarray(array, np.int32)
-
-
-def _points(name: str, value: ArrayLike, dtype: np.dtype) -> NDArray[np.floating]:
-    array = np.asarray(value)
-    array = _array(name, array[None] if array.shape == (3,) else array)
-    with np.errstate(over="ignore"):
-        return np.asarray(array, dtype)
-
-
-def _columns(array: NDArray[np.floating], n: int) -> Columns:
-    """An array of any strides as kernels read it, without a copy where strides are whole elements.
-
-    Kernels see flat writable memory, whatever the array's layout and flags, and so are compiled but once. The caller
-    keeps the array alive.
-    """
-    size = array.itemsize
-    steps = [stride // size for stride in array.strides]
-    low = sum(min(0, step * (count - 1)) for step, count in zip(steps, array.shape, strict=True))
-    span = sum(abs(step) * (count - 1) for step, count in zip(steps, array.shape, strict=True)) + 1 if array.size else 0
-    memory = (ctypes.c_char * (span * size)).from_address(array.ctypes.data + low * size)
-    row = 0 if array.ndim == 0 or len(array) == 1 < n else steps[0]
-    return Columns(np.frombuffer(memory, array.dtype), -low, row, steps[1] if array.ndim == 2 else 0)
-
-
-def _whole_strides(array: NDArray[np.floating]) -> NDArray[np.floating]:
-    """The array, or a copy where its elements do not lie a whole number of elements apart."""
-    whole = array.flags.aligned and not any(stride % array.itemsize for stride in array.strides)
-    return array if whole else array.copy()
-
-
-def _limits(name: str, value: ArrayLike, dtype: np.dtype) -> NDArray[np.floating]:
-    array = np.asarray(value, dtype)
-    if array.ndim > 1:
-        raise ValueError(f"{name}: expected a number or an (n,) array, got shape {array.shape}")
-    return array
-
-
-def _from(rays: Rays, begin: int) -> Rays:
-    """The same rays from number ``begin`` on."""
-    return Rays(*(column._replace(start=column.start + begin * column.row) for column in rays))
+        return [whole_strides(array) for array in arrays], several.pop() if several else 1

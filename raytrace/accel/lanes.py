@@ -32,6 +32,11 @@ def machine_epsilon(a):
     return np.finfo(a.dtype).eps
 
 
+def machine_largest(a):
+    """The largest finite number of the type of ``a``."""
+    return np.finfo(a.dtype).max
+
+
 def peek(a, i):
     """Element ``i`` of the flat array ``a``, which is not negative: so nothing has to be wrapped around."""
     return a[i]
@@ -94,17 +99,20 @@ def to_real(x, like):
 def fma(a, b, c):
     """``a * b + c`` with a single rounding."""
     like = next(x for x in (a, b, c) if isinstance(x, np.ndarray))
-    rows = zip(*(np.broadcast_to(x, like.shape).tolist() for x in (a, b, c)), strict=True)
-    return np.array([_fma(*row, like.dtype.type) for row in rows], like.dtype)
+    rows = zip(*(np.broadcast_to(np.asarray(x, like.dtype), like.shape).tolist() for x in (a, b, c)), strict=True)
+    return np.array([_fma(*row, like.dtype.type) for row in rows]).astype(like.dtype)
 
 
 def _fma(a, b, c, dtype):
-    if not np.isfinite([a, b, c]).all() or a * b == 0.0:
+    if not np.isfinite([a, b, c]).all() or a == 0.0 or b == 0.0:
         return a * b + c
     exact = Fraction(a) * Fraction(b) + Fraction(c)
     if exact == 0:
         return a * b + c
-    nearest = float(exact)
+    try:
+        nearest = float(exact)
+    except OverflowError:
+        return np.inf if exact > 0 else -np.inf
     if dtype is np.float64 or Fraction(nearest) == exact:
         return nearest
     # Rounding twice is safe if the first one ends in an odd bit [Boldo and Melquiond 2008].

@@ -1,5 +1,6 @@
 """What Numba must know of ``lanes``: the LLVM instructions of every operation."""
 
+import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.typing.templates import signature
@@ -83,6 +84,14 @@ taught(
         ELEMENTS[sig.return_type], 2.0 ** (-23 if sig.return_type.bitwidth == 32 else -52)
     ),
 )(lanes.machine_epsilon)
+
+
+taught(
+    lambda a: signature(a.dtype, a),
+    lambda builder, sig, args: ir.Constant(
+        ELEMENTS[sig.return_type], float(np.finfo(f"f{sig.return_type.bitwidth // 8}").max)
+    ),
+)(lanes.machine_largest)
 
 
 def _emit_peek(builder, sig, args):

@@ -12,7 +12,9 @@ from raytrace.accel.lanes import (
     lane_numbers,
     load,
     machine_epsilon,
+    machine_largest,
     maximum,
+    minimum,
     packet,
     packet_width,
     power_of_two,
@@ -61,7 +63,7 @@ def read_rays(rays, i, n, like):
         scale = power_of_two(longest * lift)
         d = scaled(scaled(d, lift), 1.0 / scale)
         scale = scale / lift
-        tmin, tmax = tmin * scale, tmax * scale
+        tmin, tmax = tmin * scale, minimum(tmax, machine_largest(rays.d.data)) * scale
     return o, d, scale, select(alive, tmin, np.inf), select(alive, tmax, -np.inf)
 
 

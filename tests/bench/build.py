@@ -4,11 +4,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-
-import raytrace as rt
 from harness import begin, finish, interleave, parser, show, table, times_faster
 from peers import Open3D, available
 from workloads import MESHES, Mesh, soup
+
+import raytrace as rt
 
 BUILT_AT_FIRST_USE = np.float32([[0, 0, 1e6, 0, 0, 1]])  # one ray that makes Open3D build
 
@@ -46,7 +46,7 @@ def main() -> None:
             "ratio": {name: times_faster(seconds["sah"], times) for name, times in seconds.items()},
         })  # fmt: skip
     show("Seconds to build, all cores:\n")
-    table(["mesh", "triangles", "sah", "median", "Open3D", "sah x Open3D"],
+    table(["mesh", "triangles", "sah", "median", "Open3D", "Open3D / sah"],
           ([row["mesh"], f"{row['triangles']:,}", *(row["seconds"].get(name) for name in ("sah", "median", "Open3D")),
             row["ratio"].get("Open3D")] for row in results))  # fmt: skip
     finish(args, found, results)

@@ -6,9 +6,9 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
+from workloads import Mesh, RaySet
 
 import raytrace as rt
-from workloads import Mesh, RaySet
 
 THINNED = 7  # embreex traces one ray in so many
 

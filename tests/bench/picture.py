@@ -1,14 +1,14 @@
-"""A Cornell box in a warm process against Mitsuba 3's ``direct`` integrator, the same samples, interleaved in one run."""
+"""A Cornell box in a warm process against Mitsuba 3 (``direct``), the same samples, interleaved in one run."""
 
 from collections.abc import Callable
 from itertools import count
 from typing import Any
 
 import numpy as np
-
-import raytrace as rt
 from harness import ROOT, begin, finish, interleave, parser, show, table, times_faster
 from peers import Mitsuba, available, mitsuba
+
+import raytrace as rt
 from raytrace.records import Scene
 
 
@@ -81,7 +81,7 @@ def main() -> None:
     seconds = interleave(calls, args.rounds)
     samples = args.size**2 * args.spp / 1e6
     ratio = {name: times_faster(seconds["float32"], times) for name, times in seconds.items()}
-    table(["picture", "seconds", "million samples/s", "x float32"],
+    table(["picture", "seconds", "million samples/s", "seconds / float32"],
           ([name, float(np.median(times)), samples / float(np.median(times)), ratio[name]]
            for name, times in seconds.items()))  # fmt: skip
     stats = calls["float32"]().stats

@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-
 from harness import begin, finish, interleave, parser, show, table, times_faster
 from peers import THINNED, Ours, available
 from workloads import MESHES, RaySet, ray_sets

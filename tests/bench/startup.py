@@ -30,7 +30,8 @@ class Outcome(NamedTuple):
     """What one process took."""
 
     seconds: float
-    peak_mb: float | None  # most memory it held; None where the system does not tell
+    cpu: float | None  # seconds of its threads: steadier on a busy machine; None where the system does not tell
+    peak_mb: float | None  # most memory it held; None where the system does not tell, or it is less than this process
     output: str
 
 
@@ -41,22 +42,30 @@ def run(*words: str, cache: Path) -> Outcome:
     began = time.perf_counter()
     with tempfile.TemporaryFile("w+") as output:
         process = subprocess.Popen([sys.executable, *words], cwd=ROOT, env=environment, stdout=output)
-        if hasattr(os, "wait4"):
-            _, status, usage = os.wait4(process.pid, 0)
-            process.returncode = os.waitstatus_to_exitcode(status)
-            peak = usage.ru_maxrss / (1 << 20 if sys.platform == "darwin" else 1 << 10)
-        else:
-            process.wait()
-            peak = None
+        cpu, peak = wait(process)
         seconds = time.perf_counter() - began
         if process.returncode:
             raise SystemExit(f"{' '.join(words)}: exit code {process.returncode}")
         output.seek(0)
-        return Outcome(seconds, peak, output.read())
+        return Outcome(seconds, cpu, peak, output.read())
 
 
-def drawing(spp: int, size: int, folder: Path) -> list[str]:
-    return ["-m", "raytrace", SCENE, "--size", f"{size}x{size}", "--spp", f"{spp}", "-q", "-o", f"{folder}/box.png"]
+def wait(process: subprocess.Popen) -> tuple[float | None, float | None]:
+    """CPU seconds and peak memory of a process, at its end."""
+    if not hasattr(os, "wait4"):
+        process.wait()
+        return None, None
+    import resource
+
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # a child is counted with its parent's until it starts
+    unit = 1 << 20 if sys.platform == "darwin" else 1 << 10
+    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / unit if usage.ru_maxrss > own else None
+
+
+def drawing(spp: int, folder: Path) -> list[str]:
+    return ["-m", "raytrace", SCENE, *f"--size 256x256 --spp {spp} --quiet -o {folder}/box.png".split()]
 
 
 def main() -> None:
@@ -65,11 +74,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         cache = folder / "kernels"
-        first = [run(*drawing(4, 256, folder), cache=folder / f"empty{k}") for k in range(3)]
-        run(*drawing(4, 256, folder), cache=cache)
+        first = [run(*drawing(4, folder), cache=folder / f"empty{k}") for k in range(3)]
+        run(*drawing(4, folder), cache=cache)
         repeated = {
-            "draw, second time": drawing(4, 256, folder),
-            "draw at 64 spp": drawing(64, 256, folder),
+            "draw, second time": drawing(4, folder),
+            "draw at 64 spp": drawing(64, folder),
             "import raytrace": ["-c", "import raytrace"],
             "--help": ["-m", "raytrace", "--help"],
             "python alone": ["-c", ""],
@@ -81,11 +90,17 @@ def main() -> None:
                 outcomes[name].append(run(*words, cache=cache))
         warm = json.loads(run("-c", WARM, cache=cache).output)
     show(f"{SCENE}, 256 x 256, 4 spp unless it says otherwise; medians of processes:\n")
-    rows = [[name, statistics.median(o.seconds for o in all_), max(o.peak_mb or 0 for o in all_) or None]
-            for name, all_ in outcomes.items()]  # fmt: skip
-    rows.append(["draw in a warm process", warm, None])
-    table(["process", "seconds", "peak MB"], rows)
-    finish(args, found, [dict(zip(("process", "seconds", "peak_mb"), row, strict=True)) for row in rows])
+    rows = [
+        [name, *(middle(column) for column in list(zip(*all_, strict=True))[:3])] for name, all_ in outcomes.items()
+    ]
+    rows.append(["draw in a warm process", warm, None, None])
+    table(["process", "seconds", "CPU seconds", "peak MB"], rows)
+    names = "process", "seconds", "cpu_seconds", "peak_mb"
+    finish(args, found, [dict(zip(names, row, strict=True)) for row in rows])
+
+
+def middle(values: tuple[float | None, ...]) -> float | None:
+    return None if None in values else statistics.median(values)
 
 
 if __name__ == "__main__":

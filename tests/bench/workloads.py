@@ -4,9 +4,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from harness import ROOT
 
 import raytrace as rt
-from harness import ROOT
 
 SIDE = 1024  # camera rays along each side of the film
 BLOCK = 4  # pixels: side of the blocks that one packet of 16 rays covers

@@ -1,0 +1,100 @@
+"""What a tree is like, in numbers, and whether it keeps its promises."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.accel.lanes import NODE
+from raytrace.records import Nodes, Tree
+
+NODE_COST = 1.0  # of the SAH: visiting a node of eight boxes, in tests of a leaf of eight triangles
+
+
+class TreeStats(NamedTuple):
+    """Numbers of a tree."""
+
+    triangles: int  # that have an area
+    nodes: int
+    leaves: int
+    levels: int  # of nodes, the root included
+    fill: float  # triangles a leaf / 8
+    sah_cost: float  # expected nodes and leaves that a random ray through the root's box meets [Wald2007]
+    bytes_per_triangle: float  # of nodes and leaves
+
+
+def _boxes(nodes: Nodes) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Low and high of every child slot: (n, 8, 3) arrays."""
+    bounds = nodes.bounds.reshape(-1, 6, NODE).transpose(0, 2, 1)
+    return bounds[..., :3], bounds[..., 3:]
+
+
+def tree_stats(tree: Tree, levels: int) -> TreeStats:
+    """Count, and weigh by the surface area heuristic: sum of area(child) / area(root) times the cost of the child."""
+    low, high = _boxes(tree.nodes)
+    child = tree.nodes.child.reshape(-1, NODE)
+    used = child != 0
+    extent = np.where(used[..., None], high - low, 0).astype(np.float64)
+    area = extent[..., 0] * extent[..., 1] + extent[..., 1] * extent[..., 2] + extent[..., 2] * extent[..., 0]
+    root = np.ptp(np.concatenate([low[0][used[0]], high[0][used[0]]]), axis=0) if used[0].any() else np.ones(3)
+    root_area = float(root[0] * root[1] + root[1] * root[2] + root[2] * root[0])
+    with np.errstate(divide="ignore", invalid="ignore"):  # a mesh in one point
+        cost = NODE_COST + float((area * np.where(child > 0, NODE_COST, 1.0)).sum() / np.float64(root_area))
+    triangles, leaves = int((tree.leaves.prim_id >= 0).sum()), len(tree.leaves.prim_id) // NODE
+    size = sum(array.nbytes for record in tree for array in record)
+    fill, each = (triangles / (leaves * NODE), size / triangles) if triangles else (0.0, 0.0)
+    return TreeStats(triangles, len(child), leaves, levels, fill, cost, each)
+
+
+def tree_problems(tree: Tree, triangles: NDArray[np.floating]) -> list[str]:
+    """What is wrong with a tree, a line each; ``triangles`` are the (m, 12) rows that it was built from."""
+    child = tree.nodes.child.reshape(-1, NODE)
+    prim_id = tree.leaves.prim_id.reshape(-1, NODE)
+    problems = _link_problems(child, len(prim_id)) + _leaf_problems(prim_id, triangles)
+    return problems or _box_problems(tree, triangles)  # boxes can be followed only where links are right
+
+
+def _link_problems(child: NDArray[np.int32], leaf_count: int) -> list[str]:
+    """Every node but the root, and every leaf, is the child of one node; children fill the slots from the first on."""
+    problems = []
+    if ((child[:, 1:] != 0) & (child[:, :-1] == 0)).any():
+        problems.append("a node has an empty slot before a child")
+    inner, leaf = child[child > 0], ~child[child < 0]
+    for name, found, wanted in (("node", inner, np.arange(1, len(child))), ("leaf", leaf, np.arange(leaf_count))):
+        if leaf_count == 1 and not len(leaf) and name == "leaf":
+            continue  # of a mesh without triangles
+        if not np.array_equal(np.sort(found), wanted):
+            problems.append(f"not every {name} is the child of exactly one node")
+    return problems
+
+
+def _leaf_problems(prim_id: NDArray[np.int32], triangles: NDArray[np.floating]) -> list[str]:
+    """Every triangle with an area lies in one leaf; triangles fill the lanes from the first on."""
+    problems = []
+    if ((prim_id[:, 1:] >= 0) & (prim_id[:, :-1] < 0)).any():
+        problems.append("a leaf has an empty lane before a triangle")
+    if not np.array_equal(np.sort(prim_id[prim_id >= 0]), np.flatnonzero(np.isfinite(triangles[:, 9]))):
+        problems.append("not every triangle with an area lies in exactly one leaf")
+    return problems
+
+
+def _box_problems(tree: Tree, triangles: NDArray[np.floating]) -> list[str]:
+    """Every box holds what is below it; lanes hold the vertices of their triangles."""
+    low, high = _boxes(tree.nodes)
+    child, prim_id = tree.nodes.child.reshape(-1, NODE), tree.leaves.prim_id.reshape(-1, NODE)
+    rows = tree.leaves.rows.reshape(-1, 12, NODE).transpose(0, 2, 1)
+    held = prim_id >= 0
+    problems = []
+    if not np.array_equal(rows[held], triangles[prim_id[held]]):
+        problems.append("a lane of a leaf does not hold the vertices of its triangle")
+    corners = rows[..., :9].reshape(len(prim_id), NODE, 3, 3)
+    leaf_low = np.where(held[..., None], corners.min(axis=2), np.inf).min(axis=1)
+    leaf_high = np.where(held[..., None], corners.max(axis=2), -np.inf).max(axis=1)
+    node_low, node_high = low.min(axis=1), high.max(axis=1)
+    for name, found, at, below in (
+        ("leaf", child < 0, ~child, (leaf_low, leaf_high)),
+        ("node", child > 0, child, (node_low, node_high)),
+    ):
+        if (low[found] > below[0][at[found]]).any() or (high[found] < below[1][at[found]]).any():
+            problems.append(f"a box does not hold the {name} below it")
+    return problems
