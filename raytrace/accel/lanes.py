@@ -104,8 +104,10 @@ def fma(a, b, c):
 
 
 def _fma(a, b, c, dtype):
-    if not np.isfinite([a, b, c]).all() or a == 0.0 or b == 0.0:
+    if not np.isfinite([a, b]).all() or a == 0.0 or b == 0.0:
         return a * b + c
+    if not np.isfinite(c):
+        return c
     exact = Fraction(a) * Fraction(b) + Fraction(c)
     if exact == 0:
         return a * b + c

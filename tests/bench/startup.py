@@ -65,7 +65,7 @@ def wait(process: subprocess.Popen) -> tuple[float | None, float | None]:
 
 
 def drawing(spp: int, folder: Path) -> list[str]:
-    return ["-m", "raytrace", SCENE, *f"--size 256x256 --spp {spp} --quiet -o {folder}/box.png".split()]
+    return ["-m", "raytrace", SCENE, "--size", "256x256", "--spp", f"{spp}", "--quiet", "-o", f"{folder}/box.png"]
 
 
 def main() -> None:
