@@ -21,7 +21,7 @@ from raytrace.accel.lanes import NODE
 from raytrace.parallel import run
 from raytrace.records import Hits, Rays, Surface, Work
 
-CHUNK = 1 << 14  # rays handed to a thread at a time
+CHUNK = 1 << 16  # rays handed to a thread at a time
 GAMMA = 16  # see passes/surface.py
 
 
