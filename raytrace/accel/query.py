@@ -155,10 +155,11 @@ def closest_hit(tree, rays, hits, n, work):
             dominant, axes = kind_of(kinds, k)
             frame = make_frame(dominant, (o[0][k], o[1][k], o[2][k]), (d[0][k], d[1][k], d[2][k]), scale[k])
             t_k, prim_k, u_k, v_k = closest_single(tree, Alike(slabs_of(slabs, k), frame, axes, tmin[k]), tmax[k], work)
-            hits.t[i + k] = np.inf if prim_k < 0 else t_k / scale[k]
+            found = prim_k >= 0
+            hits.t[i + k] = t_k / scale[k] if found else np.inf
             hits.prim_id[i + k] = prim_k
-            hits.u[i + k] = u_k
-            hits.v[i + k] = v_k
+            hits.u[i + k] = u_k if found else 0.0
+            hits.v[i + k] = v_k if found else 0.0
 
 
 @kernel
