@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import exact
 import rays
 import raytrace as rt
 from raytrace.accel.build import build
@@ -208,6 +209,21 @@ def test_normals_are_unit_and_exact_to_rounding_even_of_needles(precision):
     np.testing.assert_allclose(
         triangles[:, 9:], expected.astype(precision), atol=eps if precision == "float32" else 1e6 * eps
     )
+
+
+def test_normals_in_double_lose_nothing_where_edges_are_nearly_parallel():
+    """The first corner is 0, so edges are exact; differences of their products cancel all but a few digits."""
+    rng = np.random.default_rng(7)
+    a = rng.normal(size=(300, 3))
+    b = 0.5 * a + 10.0 ** rng.uniform(-12, -6, (300, 1)) * rng.normal(size=(300, 3))
+    a[0], b[0] = (1 + 2.0**-52, 1, 0), (1, 1 - 2.0**-52, 0)  # both products are rounded to 1
+    vertices = np.stack([0 * a, a, b], axis=1).reshape(-1, 3)
+    _, triangles, _ = build(vertices, np.arange(900, dtype=np.int32).reshape(-1, 3), "sah", "watertight")
+    for i in range(300):
+        n = exact.cross(exact.exact(a[i]), exact.exact(b[i]))
+        largest = max(abs(x) for x in n)
+        n = np.array([float(x / largest) for x in n])
+        np.testing.assert_allclose(triangles[i, 9:], n / np.linalg.norm(n), rtol=0, atol=4 * np.finfo(np.float64).eps)
 
 
 def planted():

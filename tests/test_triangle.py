@@ -177,3 +177,24 @@ def test_grazing_rays_are_hit_within_the_triangle(precision):
         slack = 4 * eps * (1 + np.abs(o[found, axis]))  # v - o is rounded, and so is t
         assert (p > low - slack).all()
         assert (p < high + slack).all()
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_inclusion_is_exact_where_products_of_an_edge_are_rounded_to_the_same(precision):
+    """Fibonacci numbers: F(n)^2 and F(n-1) F(n+1) differ by 1, which their products in floats can't show."""
+    fibonacci = [1, 1]
+    while fibonacci[-1] < 2 ** np.finfo(precision).nmant:
+        fibonacci.append(fibonacci[-1] + fibonacci[-2])
+    answers = set()
+    for n in range(len(fibonacci) - 6, len(fibonacci) - 2):
+        p, q = (fibonacci[n], fibonacci[n + 1]), (-fibonacci[n - 1], -fibonacci[n])
+        for side in (1, -1):
+            third = (-side * fibonacci[n], side * fibonacci[n - 1])
+            for order in ((0, 1, 2), (1, 0, 2), (2, 0, 1)):
+                for axis in range(3):
+                    corners = np.array([(*p, 0), (*q, 0), (*third, 0)], precision)[list(order)]
+                    corners, o, d = (np.roll(a, axis, axis=-1) for a in (corners, [0, 0, 5], [0, 0, -1]))
+                    expected = exact.classify(corners, o, d).kind
+                    answers.add(expected)
+                    assert hits_of(corners, o, d, precision).prim_id[0] == (0 if expected == "interior" else -1)
+    assert answers == {"interior", "miss"}

@@ -55,11 +55,11 @@ def soup(count: int = 1_000_000) -> Mesh:
     return _separate("soup", corners)
 
 
-def slivers(count: int = 100_000) -> Mesh:
-    """Random triangles 0.5 long and 0.001 wide in every direction."""
+def slivers(count: int = 20_000) -> Mesh:
+    """Random triangles 0.2 long and 0.001 wide, in every direction."""
     rng = np.random.default_rng(2)
     centre, along, across = rng.uniform(-1, 1, (count, 3)), *rng.normal(0, 1, (2, count, 3))
-    along *= 0.25 / np.linalg.norm(along, axis=1, keepdims=True)
+    along *= 0.1 / np.linalg.norm(along, axis=1, keepdims=True)
     across = np.cross(along, across)
     across *= 0.001 / np.linalg.norm(across, axis=1, keepdims=True)
     return _separate("slivers", centre[:, None] + np.stack([-along, along, across - along], 1))
