@@ -85,6 +85,8 @@ def _box_problems(tree: Tree, triangles: NDArray[np.floating]) -> list[str]:
     rows = tree.leaves.rows.reshape(-1, 12, NODE).transpose(0, 2, 1)
     held = prim_id >= 0
     problems = []
+    if not (np.isposinf(low[child == 0]).all() and np.isneginf(high[child == 0]).all()):
+        problems.append("an empty slot of a node does not hold the empty box")
     if not np.array_equal(rows[held], triangles[prim_id[held]]):
         problems.append("a lane of a leaf does not hold the vertices of its triangle")
     corners = rows[..., :9].reshape(len(prim_id), NODE, 3, 3)
