@@ -2,9 +2,6 @@
 
 import dataclasses
 import itertools
-import json
-import subprocess
-import sys
 import threading
 import tracemalloc
 from pathlib import Path
@@ -119,83 +116,6 @@ def test_two_renders_at_once_do_not_disturb_each_other(several):
     assert_same(alone, pictures[0])
     assert_same(alone, pictures[1])
     assert pictures[0].stats["rays"] == pictures[1].stats["rays"] == alone.stats["rays"]
-
-
-# What it takes --------------------------------------------------------------------------------------------------------
-
-
-def test_a_path_a_dict_and_a_scene_are_all_drawn(box, monkeypatch):
-    monkeypatch.chdir(ROOT / "scenes")  # mesh paths of a dict are relative to the current folder
-    ask = {"size": (24, 24), "spp": 2}
-    pictures = [rt.render(scene, **ask) for scene in (box, BOX, str(BOX), json.loads(BOX.read_text("utf-8")))]
-    for picture in pictures[1:]:
-        assert_same(pictures[0], picture)
-        assert picture.provenance["scene_sha256"] == pictures[0].provenance["scene_sha256"]
-
-
-def test_without_options_the_scene_has_its_wish():
-    scene = studio()
-    wish = scene.settings._replace(size=(20, 10), spp=3, seed=5, sampler="stratified", precision="float64")
-    picture = rt.render(dataclasses.replace(scene, settings=wish))
-    got = picture.provenance
-    assert (got["size"], got["spp"], got["seed"]) == ("20x10", 3, 5)
-    assert (got["sampler"], got["precision"], got["max_depth"]) == ("stratified", "float64", wish.max_depth)
-    ask = {"size": (20, 10), "spp": 3, "seed": 5, "sampler": "stratified", "precision": "float64"}
-    assert_same(picture, rt.render(scene, **ask))
-
-
-def test_options_outrank_the_scene_and_stand_in_the_provenance(box):
-    picture = rt.render(box, 2, (12, 9), 77, "float64", "independent")
-    got = picture.provenance
-    assert (got["spp"], got["size"], got["seed"]) == (2, "12x9", 77)
-    assert (got["precision"], got["sampler"]) == ("float64", "independent")
-    assert got["version"] == rt.__version__
-    assert got["scene_sha256"] == box.sha256
-    assert got["complete"] == 1
-    assert box.settings.spp == 32  # the scene itself is left alone
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"spp": 0}, r"spp: expected a number from 1 to 65536, got 0"),
-        ({"spp": 1 << 17}, r"spp: expected a number from 1 to 65536, got 131072"),
-        ({"seed": -1}, r"seed: expected a number from 0 to 4294967295, got -1"),
-        ({"seed": 1 << 32}, r"seed: expected a number from 0 to 4294967295, got 4294967296"),
-        ({"size": (0, 4)}, r"size: 0x4 is outside 1x1 \.\. 268,435,456 pixels, 65,536 a side"),
-        ({"size": (10**6, 10**6)}, r"size: 1000000x1000000 is outside"),
-        ({"size": (65536, 65536)}, r"size: 65536x65536 is outside"),
-        ({"precision": "float16"}, r"precision: expected one of auto, float32, float64, got 'float16'"),
-        ({"sampler": "sobl"}, r"sampler: expected one of sobol, stratified, independent, got 'sobl'"),
-        ({"aov": ("depth", "hight")}, r"aov: 'hight': expected some of depth, normal, albedo, prim_id, position"),
-        ({"size": (8, 8), "crop": (0, 0, 9, 8)}, r"crop: 0,0,9,8 is not a part of the film of 8x8 pixels"),
-        ({"size": (8, 8), "crop": (-1, 0, 2, 2)}, r"crop: -1,0,2,2 is not a part"),
-        ({"size": (8, 8), "crop": (2, 2, 0, 2)}, r"crop: 2,2,0,2 is not a part"),
-    ],
-)
-def test_an_option_that_can_not_be_met_is_told_before_anything_is_drawn(box, options, message):
-    events = []
-    with pytest.raises(rt.OptionError, match=message):
-        rt.render(box, progress=events.append, **options)
-    assert events == []
-
-
-def test_a_number_may_come_from_numpy(box, tmp_path):
-    picture = rt.render(box, spp=np.int64(2), size=(np.int32(8), np.int64(8)), seed=np.uint32(3))
-    assert_same(picture, rt.render(box, spp=2, size=(8, 8), seed=3))
-    assert picture.save(tmp_path / "a.png").exists()
-
-
-@pytest.mark.parametrize("options", [{"seed": 1.5}, {"spp": 2.5}, {"spp": True}, {"spp": "4"}, {"size": 8}])
-def test_an_option_of_the_wrong_kind_is_told_too(box, options):
-    with pytest.raises(rt.OptionError):
-        rt.render(box, **{"size": (8, 8), "spp": 1, **options})
-
-
-@pytest.mark.parametrize("threads", [0, -1])
-def test_a_number_of_threads_that_can_not_be_is_told(box, threads):
-    with pytest.raises(rt.OptionError, match="threads: expected a number of at least 1"):
-        rt.render(box, size=(8, 8), spp=1, threads=threads)
 
 
 # Progress and cancel --------------------------------------------------------------------------------------------------
@@ -458,19 +378,3 @@ def test_memory_does_not_grow_with_samples(box):
     few, many = peak(8), peak(64)
     assert many < 1.1 * few
     assert many < 256 * 256 * 64 * 12 / 4  # the radiance of all samples alone would be 50 MB
-
-
-# Warm-up --------------------------------------------------------------------------------------------------------------
-
-
-def test_after_the_warm_up_no_kernel_of_a_shipped_scene_is_left_to_compile():
-    program = """
-import sys
-import raytrace as rt
-from raytrace.accel import build, flatten, grow
-from raytrace.warmup import warmup
-warmup()
-sys.exit(" ".join(f.__name__ for f in (build.measure, grow.grow, flatten.flatten) if len(f.signatures) < 2))
-"""
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300, cwd=ROOT)
-    assert done.stderr.strip() == ""
