@@ -192,7 +192,7 @@ VERBS = {
     "check": Verb("check a scene and its meshes without drawing", _check, _scene_option),
     "compare": Verb("measure how far a picture is from a reference", _compare, _compare_options),
     "schema": Verb("print the JSON Schema of scene files", _schema),
-    "warmup": Verb("compile all kernels now", _warmup),
+    "warmup": Verb("compile kernels now, not at the first picture", _warmup),
     "doctor": Verb("show versions, processor, cache and optional packages", _doctor),
 }
 

@@ -112,7 +112,7 @@ def render(
 
 
 def _tile_order() -> NDArray[np.uint32]:
-    """(x, y) of the pixels of a tile along a Z curve: any packet is a compact block   [Morton 1966]."""
+    """(x, y) of the pixels of a tile along a Z curve: any packet is a compact block   [Morton1966]."""
     y, x = np.mgrid[0:TILE, 0:TILE]
     curve = sum(((x >> bit & 1) << 2 * bit) | ((y >> bit & 1) << 2 * bit + 1) for bit in range(TILE.bit_length() - 1))
     order = np.argsort(np.ravel(curve))

@@ -13,7 +13,7 @@ class Slabs(NamedTuple):
 
     A plane at x is met at t = (x - o) / d, computed as fma(x, i, c) with i = 1 / d and c = -o / d. Both carry rounding
     errors, so there is a pair (i, c) that rounds t down, for near planes, and one that rounds it up, for far planes:
-    no box pays for it [Ize 2013].
+    no box pays for it [Ize2013].
     """
 
     near_ix: float

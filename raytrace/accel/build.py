@@ -28,7 +28,7 @@ class Steps(NamedTuple):
 
 @inlined
 def product_error(a, b, p):
-    """Compute a b - p exactly, for p = a b rounded, by splitting both into halves [Dekker 1971]."""
+    """Compute a b - p exactly, for p = a b rounded, by splitting both into halves [Dekker1971]."""
     ca, cb = 134217729.0 * a, 134217729.0 * b
     a_high, b_high = ca - (ca - a), cb - (cb - b)
     a_low, b_low = a - a_high, b - b_high

@@ -50,7 +50,8 @@ class BVH:
     -----
     A ray hits where t lies in the open interval (tmin, tmax). At equal t the lowest ``prim_id`` is returned, so that the
     answer never depends on the tree, the batch or the thread. Triangles without area are never hit. Rays that are not
-    finite or have no direction hit nothing.
+    finite or have no direction hit nothing. Triangles between 1e-15 and 1e15 in size are safe in float32: areas, and
+    their rounding errors, must be normal numbers.
 
     Examples
     --------

@@ -117,7 +117,7 @@ def _fma(a, b, c, dtype):
         return np.inf if exact > 0 else -np.inf
     if dtype is np.float64 or Fraction(nearest) == exact:
         return nearest
-    # Rounding twice is safe if the first one ends in an odd bit [Boldo and Melquiond 2008].
+    # Rounding twice is safe if the first one ends in an odd bit [Boldo2008].
     odd = np.float64(nearest).view(np.int64) & 1
     return nearest if odd else float(np.nextafter(nearest, np.inf if exact > Fraction(nearest) else -np.inf))
 

@@ -18,7 +18,7 @@ from raytrace.accel.vectors import dot, scaled, unit
 from raytrace.jit import inlined, kernel
 
 # A point of a triangle, and the plane that a ray from it is tested against, are off by a few roundings of numbers as
-# large as the triangle's coordinates: gamma(n) = n u / (1 - n u) [Higham 2002, 3.1], n = 16 with room to spare.
+# large as the triangle's coordinates: gamma(n) = n u / (1 - n u) [Higham2002, 3.1], n = 16 with room to spare.
 GAMMA = 16
 
 

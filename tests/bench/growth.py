@@ -1,13 +1,17 @@
 """Time per camera ray, and to build, as one shape is cut into ever more triangles."""
 
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from harness import begin, finish, interleave, parser, show, table
+from peers import Ours, available
 from workloads import Mesh, ray_sets
 
-import raytrace as rt
+from raytrace.parallel import thread_count
+
+NAMES = {"raytrace": "o-", "Open3D": "s--", "Mitsuba": "v--", "Mitsuba, coherent": "^--"}  # what is traced, drawn so
 
 
 def bumpy(triangles: int) -> Mesh:
@@ -23,14 +27,17 @@ def bumpy(triangles: int) -> Mesh:
     return Mesh("bumpy", p.reshape(-1, 3).astype("f4"), faces.astype("i4"), (0, 0, 3), 0.36, (-2, 3, 4))
 
 
-def measure(triangles: int, rounds: int) -> dict[str, Any]:
+def measure(triangles: int, rounds: int, peers: list[type]) -> dict[str, Any]:
     mesh = bumpy(triangles)
-    build = float(np.median(interleave({"build": lambda: rt.BVH(mesh.vertices, mesh.faces)}, 1)["build"]))
-    bvh = rt.BVH(mesh.vertices, mesh.faces)
     rays = next(rays for rays in ray_sets(mesh) if rays.name == "camera, blocks")
-    o, d = np.asfortranarray(rays.o), np.asfortranarray(rays.d)
-    seconds = np.median(interleave({"trace": lambda: bvh.closest_hit(o, d)}, rounds)["trace"])
-    return {"triangles": len(mesh.faces), "build_seconds": build, "ns_per_ray": 1e9 * float(seconds) / len(o)}
+    began = time.perf_counter()
+    tracers = [Ours(mesh)]
+    build = time.perf_counter() - began
+    tracers += [peer(mesh) for peer in peers]
+    calls = {name: call for tracer in tracers for name, call in tracer.calls(rays, thread_count(None)).items()}
+    seconds = interleave({name: calls[name] for name in NAMES if name in calls}, rounds)
+    ns = {name: 1e9 * float(np.median(times)) / len(rays.o) for name, times in seconds.items()}
+    return {"triangles": len(mesh.faces), "build_seconds": build, "ns_per_ray": ns}
 
 
 def plot(results: list[dict[str, Any]], path: Path) -> None:
@@ -38,10 +45,13 @@ def plot(results: list[dict[str, Any]], path: Path) -> None:
 
     figure = Figure((6, 3.6), layout="constrained")
     axes = figure.add_subplot()
-    count, ns = (np.array([row[key] for row in results]) for key in ("triangles", "ns_per_ray"))
-    axes.plot(count, ns, "o-", label="camera rays")
-    axes.plot(count, ns[0] * np.log2(count) / np.log2(count[0]), "k:", label="log n, through the first")
-    axes.set(xscale="log", ylim=0, xlabel="triangles", ylabel="ns per ray, all cores")
+    count = np.array([row["triangles"] for row in results])
+    for name, style in NAMES.items():
+        if name in results[0]["ns_per_ray"]:
+            axes.plot(count, [row["ns_per_ray"][name] for row in results], style, label=name)
+    first = results[0]["ns_per_ray"]["raytrace"]
+    axes.plot(count, first * np.log(count) / np.log(count[0]), "k:", label="log n, through our first")
+    axes.set(xscale="log", yscale="log", xlabel="triangles", ylabel="ns per camera ray, all cores")
     axes.legend()
     figure.savefig(path)
     show(f"wrote {path}")
@@ -53,11 +63,18 @@ def main() -> None:
     options.add_argument("--plot", type=Path, metavar="FILE", help="draw the curve (needs matplotlib)")
     args = options.parse_args()
     found = begin()
+    peers, missing = available()
+    peers = [peer for peer in peers if peer.name in NAMES]
+    for name in set(missing) & set(NAMES):
+        show(f"missing: {name}: {missing[name]}")
     steps = np.arange(4, np.log10(args.most) + 0.01, 0.5)
-    results = [measure(int(10**step), args.rounds) for step in steps]
+    results = [measure(int(10**step), args.rounds, peers) for step in steps]
     first = results[0]
-    table(["triangles", "build, s", "ns per ray", "times the first", "log n would be"],
-          ([f"{row['triangles']:,}", row["build_seconds"], row["ns_per_ray"], row["ns_per_ray"] / first["ns_per_ray"],
+    names = list(first["ns_per_ray"])
+    show("Nanoseconds per camera ray, in blocks of 4 x 4 pixels:\n")
+    table(["triangles", "our build, s", *names, "raytrace / its first", "log n / its first"],
+          ([f"{row['triangles']:,}", row["build_seconds"], *row["ns_per_ray"].values(),
+            row["ns_per_ray"]["raytrace"] / first["ns_per_ray"]["raytrace"],
             float(np.log(row["triangles"]) / np.log(first["triangles"]))] for row in results))  # fmt: skip
     if args.plot:
         plot(results, args.plot)
