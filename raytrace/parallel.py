@@ -26,6 +26,7 @@ def run(
     threads: int | None,
     stop: Callable[[], bool] = lambda: False,
     report: Callable[[int], None] = lambda _done: None,
+    cancel: Callable[[], None] = lambda: None,
 ) -> bool:
     """Call ``task`` with every item, on several threads.
 
@@ -40,6 +41,8 @@ def run(
         Says that no more items are to be begun.
     report : callable
         Is called here, in the caller's thread, with the number of items done.
+    cancel : callable
+        Is called when an error or Ctrl-C ends the work early: tasks under way may heed it.
 
     Returns
     -------
@@ -64,5 +67,8 @@ def run(
                     future.result()
                 done += len(finished)
                 report(done)
+        except BaseException:
+            cancel()
+            raise
         finally:
             pool.shutdown(cancel_futures=True)

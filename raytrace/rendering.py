@@ -131,32 +131,38 @@ class _Job:
         self.layers = Layers(self.film.samples.reshape(window.height, window.width), self._trace_layers)
         self.began = time.perf_counter()
         self._local = threading.local()
+        self._cancelled = threading.Event()
         self._wavefronts: list[Wavefront] = []
 
     def run(self, threads: int, time_limit: float, layers: Sequence[str]) -> Render:
         """Draw until done, stopped or out of time."""
-        deadline = self.began + time_limit
+        self._deadline = self.began + time_limit
         complete, interrupted = False, False
         with on_compile(lambda: self._say("compiling", 0, 1)) as compiled:
             try:
                 self._prepare()
                 self._drawing = time.perf_counter()
-                complete = self._draw_all(threads, time_limit < np.inf, lambda: time.perf_counter() > deadline)
+                complete = self._draw_all(threads, hasty=time_limit < np.inf)
                 for name in layers:
                     self.layers[name]
             except KeyboardInterrupt:
                 interrupted = True
         return self._picture(complete, interrupted, compiled.seconds)
 
-    def _draw_all(self, threads: int, hasty: bool, late: Callable[[], bool]) -> bool:
+    def _over(self) -> bool:
+        """Whether to stop: after Ctrl-C, an error, or the time limit."""
+        return self._cancelled.is_set() or time.perf_counter() > self._deadline
+
+    def _draw_all(self, threads: int, hasty: bool) -> bool:
         """Draw round after round: a pixel's samples are summed in their order, so no tile may be in two at once."""
         tiles, rounds = list(self._tiles()), _rounds(self.settings.spp, hasty)
         for number, samples in enumerate(rounds):
             before, total = number * len(tiles), len(rounds) * len(tiles)
             report = partial(self._report, before, total)
-            if not parallel.run(partial(self._draw, samples), tiles, threads, late, report):
+            draw = partial(self._draw, samples)
+            if not parallel.run(draw, tiles, threads, self._over, report, self._cancelled.set):
                 return False
-        return True
+        return int(self.film.samples.min()) == self.settings.spp
 
     def _report(self, before: int, total: int, done: int) -> None:
         self._say("rendering", before + done, total)
@@ -192,11 +198,13 @@ class _Job:
         x, y = np.pad(x, (0, spare), "edge"), np.pad(y, (0, spare), "edge")
         sums = np.pad(self.film.sums[:, pixels], ((0, 0), (0, spare)))
         step = max(1, BATCH // len(x))
-        for sample in range(first, last, step):
-            end = min(sample + step, last)
-            self._wavefront((end - sample) * len(x)).add_samples(x, y, sample, end, sums)
+        done = first
+        while done < last and not self._over():
+            end = min(done + step, last)
+            self._wavefront((end - done) * len(x)).add_samples(x, y, done, end, sums)
+            done = end
         self.film.sums[:, pixels] = sums[:, : len(pixels)]
-        self.film.samples[pixels] = last
+        self.film.samples[pixels] = done
 
     def _wavefront(self, n: int) -> Wavefront:
         """Wavefront of the calling thread for batches of n samples."""

@@ -188,6 +188,19 @@ def test_ctrl_c_before_anything_is_drawn_gives_an_empty_picture():
     assert empty._repr_png_().startswith(b"\x89PNG")
 
 
+def test_ctrl_c_ends_a_tile_of_many_samples_at_once(box):
+    def interrupt(event):
+        if event.stage == "rendering":
+            raise KeyboardInterrupt
+
+    picture = rt.render(box, spp=65536, size=(40, 8), threads=2, progress=interrupt)  # the second tile is a small one
+    samples = picture.aov["samples"]
+    assert picture.interrupted
+    assert 0 < samples[samples > 0].min() < 65536  # tiles under way stopped between two of their samples
+    whole = rt.render(box, spp=int(samples[0, 0]), size=(40, 8))
+    assert np.array_equal(picture.rgb[0, 0], whole.rgb[0, 0])
+
+
 def test_a_render_after_an_interrupted_one_is_whole(box):
     ask = {"size": (4 * TILE, 2 * TILE), "spp": 4}
     interrupted_after(1, box, **ask)
@@ -218,7 +231,7 @@ def test_a_time_limit_ends_early_with_the_whole_film_covered(box):
     samples = picture.aov["samples"]
     assert samples.min() >= 1
     assert samples.max() < 4096
-    assert set(np.unique(samples)) <= {1 << k for k in range(12)}
+    assert samples.max() <= 2 * samples.min()  # rounds double: every tile had the one before the last
     reference = rt.render(box, size=(256, 256), spp=4)
     assert abs(picture.rgb.mean() / reference.rgb.mean() - 1) < 0.01
 
