@@ -1,9 +1,10 @@
 """Work on several threads: kernels let go of the interpreter's lock, so plain threads are all that is needed."""
 
 import os
+import threading
 from collections.abc import Callable, Iterable
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from itertools import islice
+from concurrent.futures import ThreadPoolExecutor
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from raytrace.errors import OptionError
@@ -53,22 +54,47 @@ def run(
     -----
     An error in a task, or Ctrl-C, ends the handing out; tasks under way are waited for, and it is raised here.
     """
-    items, count, done = iter(items), thread_count(threads), 0
-    with ThreadPoolExecutor(count, thread_name_prefix="raytrace") as pool:
-        pending: set[Future[object]] = set()
+    items, count = iter(items), thread_count(threads)
+    turn, halt, news = threading.Lock(), threading.Event(), SimpleQueue[bool]()
+
+    def work() -> None:
         try:
-            while True:
-                ahead = [] if stop() else list(islice(items, 2 * count - len(pending)))
-                pending |= {pool.submit(task, item) for item in ahead}
-                if not pending:
-                    return next(items, None) is None
-                finished, pending = wait(pending, POLL, FIRST_COMPLETED)
-                for future in finished:
-                    future.result()
-                done += len(finished)
-                report(done)
+            while not halt.is_set() and not stop():
+                with turn:
+                    item = next(items, news)
+                if item is news:  # no item is left
+                    return
+                task(item)
+                news.put(True)
         except BaseException:
-            cancel()
+            halt.set()
             raise
         finally:
-            pool.shutdown(cancel_futures=True)
+            news.put(False)
+
+    with ThreadPoolExecutor(count, thread_name_prefix="raytrace") as pool:
+        workers = [pool.submit(work) for _ in range(count)]
+        try:
+            _follow(news, count, report)
+            for worker in workers:
+                worker.result()
+        except BaseException:
+            halt.set()
+            cancel()
+            raise
+    return next(items, news) is news
+
+
+def _follow(news: SimpleQueue[bool], working: int, report: Callable[[int], None]) -> None:
+    """Report finished items until all threads have left."""
+    done = 0
+    while working:
+        try:
+            finished = news.get(timeout=POLL)
+        except Empty:
+            continue
+        if finished:
+            done += 1
+            report(done)
+        else:
+            working -= 1
