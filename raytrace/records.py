@@ -110,17 +110,17 @@ class Surface(NamedTuple):
 
 
 class Nodes(NamedTuple):
-    """A flattened tree of boxes, eight children a node; node 0 is the root."""
+    """A flattened tree of boxes, eight children a node; node 0 is the root. See accel/layout.py."""
 
-    bounds: NDArray[np.floating]  # (n * 48,) f, world units: 8 low x, 8 low y, 8 low z, 8 high x, 8 high y, 8 high z
-    child: NDArray[np.int32]  # (n * 8,) i4: a node; ~leaf where negative; 0 (the root is no child) past the last one
+    bounds: NDArray[np.floating]  # (n * 64,) f, world units: 8 low x, y, z, 8 high x, y, z; then integers
+    child: NDArray[np.integer]  # the same memory: a node; ~leaf where negative; 0 (the root is no child) past the last
 
 
 class WatertightLeaves(NamedTuple):
     """Leaves of up to eight triangles, for the test of Woop, Benthin and Wald."""
 
-    rows: NDArray[np.floating]  # (n * 96,) f: eight lanes each of v0 x y z, v1 x y z, v2 x y z, unit normal x y z
-    prim_id: NDArray[np.int32]  # (n * 8,) i4: row of the faces; -1 past the last one
+    rows: NDArray[np.floating]  # (n * 104,) f, world units: 8 v0 x, y, z, v1, v2; integers; 8 unit normal x, y, z
+    prim_id: NDArray[np.integer]  # the same memory: row of the faces; -1 past the last one
 
 
 class MollerTrumboreLeaves(NamedTuple):
@@ -153,6 +153,9 @@ class Work(NamedTuple):
 
     t: NDArray[np.floating]  # f: where the rays enter a node on the stack
     child: NDArray[np.int32]  # i4: that node or ~leaf
+    alive: NDArray[np.int32]  # i4: bits of the rays of a packet that enter it
+    lanes: NDArray[np.floating]  # f: what single rays read of a packet and write to it, a row of lanes each number
+    prim_id: NDArray[np.int32]  # i4: a row of lanes
     counts: NDArray[np.int64]  # (2,) i8: nodes visited, triangles tested (of a packet: once for all its rays)
 
 

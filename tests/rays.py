@@ -8,10 +8,11 @@ from numpy.typing import ArrayLike, NDArray
 
 import naive
 import raytrace as rt
+from raytrace.accel.lanes import PACKET
+from raytrace.accel.reorder import SAMPLE
 
 F8 = NDArray[np.float64]
 Mesh = tuple[F8, NDArray[np.int64]]
-PACKET = 16  # most rays of a packet on any machine
 
 
 # --- meshes ----------------------------------------------------------------------------------------------------------
@@ -189,9 +190,18 @@ def packed(bvh: rt.BVH, o: NDArray[np.floating], d: NDArray[np.floating], tmin: 
 
 
 def mixed(bvh: rt.BVH, o: NDArray[np.floating], d: NDArray[np.floating], tmin: float = 0.0) -> rt.Hits:
-    """Nearest hits with every ray beside its opposite, so that each goes through the tree alone."""
-    hits = bvh.closest_hit(np.repeat(o, 2, axis=0), np.stack([d, -d], axis=1).reshape(-1, 3), tmin)
-    return rt.Hits(*(column[::2] for column in hits))
+    """Nearest hits with every ray the only one of its packet that is alive, so that each goes through the tree alone.
+
+    A few at a time: batches as small as that are traced in the order they have.
+    """
+    dead = np.full_like(d, np.nan)
+    lone = np.stack([d, *[dead] * (PACKET - 1)], axis=1).reshape(-1, 3)
+    parts = [slice(k, k + SAMPLE // PACKET - 1) for k in range(0, len(d), SAMPLE // PACKET - 1)] or [slice(0, 0)]
+    hits = [
+        bvh.closest_hit(np.repeat(o[part], PACKET, axis=0), lone[part.start * PACKET : part.stop * PACKET], tmin)
+        for part in parts
+    ]
+    return rt.Hits(*(np.concatenate(columns)[::PACKET] for columns in zip(*hits, strict=True)))
 
 
 def both_paths(bvh: rt.BVH, o: NDArray[np.floating], d: NDArray[np.floating], tmin: float = 0.0) -> Iterator[rt.Hits]:

@@ -5,6 +5,9 @@ import pytest
 
 import rays
 import raytrace as rt
+from raytrace.accel.box import beam_test, make_beam, make_slabs, slab_test
+from raytrace.accel.lanes import packet_width
+from raytrace.jit import interpreted as plain
 
 PRECISIONS = ("float32", "float64")
 
@@ -18,7 +21,7 @@ def unboxed(vertices, faces, precision, o, d):
         some = faces[first : first + 6]
         corners = np.concatenate([some, len(vertices) + np.arange(6).reshape(2, 3)])
         bvh = rt.BVH(np.concatenate([vertices, specks]), corners, precision)
-        assert len(bvh.tree.leaves.prim_id) == 8  # one leaf
+        assert bvh.stats.leaves == 1
         hits = bvh.closest_hit(o, d)
         nearer = (hits.t < t) & (hits.prim_id < len(some))
         t[nearer], prim_id[nearer] = hits.t[nearer], first + hits.prim_id[nearer]
@@ -119,3 +122,29 @@ def test_components_next_to_nothing_are_like_zeros(precision):
             assert (hits.t == 1).all()
         outside = bvh.closest_hit(np.array([[-2, 1.5, 0]] * 4, precision), d)
         assert (outside.prim_id == -1).all()
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_a_beam_meets_every_box_that_one_of_its_rays_meets(precision):
+    """Intervals may only be too wide: of rays aimed at the corners and sides of boxes, none is lost."""
+    rng = np.random.default_rng(8)
+    width, eps, lost, culled = packet_width(np.empty(0, precision)), np.finfo(precision).eps, 0, 0
+    for _ in range(300):
+        low = rng.uniform(-1, 1, (8, 3)).astype(precision)
+        high = low + rng.choice([0.0, 0.01, 0.5], (8, 3)).astype(precision)
+        target = np.where(rng.random((width, 3)) < 0.5, low[rng.integers(8)], high[rng.integers(8)])
+        signs = rng.choice([-1, 1], 3)
+        o = (target - signs * (rng.uniform(0.5, 3, 3) + 0.1 * rng.random((width, 3)))).astype(precision)
+        d = (signs * np.abs(target - o)).astype(precision)
+        near, far = np.where(signs > 0, low, high).T, np.where(signs > 0, high, low).T
+        slabs = plain(make_slabs)(tuple(o.T), tuple(d.T), eps)
+        tmin, tmax = np.zeros(width, precision), np.full(width, 1.5, precision)
+        alive = rng.random(width) < 0.8
+        alive[0] = True
+        beam = plain(make_beam)(tuple(o.T), slabs, tmin, alive, eps)
+        met = plain(beam_test)(beam, near, far, tmax.max())
+        entered = [plain(slab_test)(slabs, near[:, k], far[:, k], tmin, tmax)[1][alive].any() for k in range(8)]
+        lost += np.count_nonzero(entered & ~met)
+        culled += np.count_nonzero(~met)
+    assert lost == 0
+    assert culled > 300

@@ -8,6 +8,7 @@ import rays
 import raytrace as rt
 from raytrace.accel.build import build
 from raytrace.accel.lanes import NODE
+from raytrace.accel.layout import boxes_of, children_of
 
 PRECISIONS = ("float32", "float64")
 SPLITS = ("sah", "median")
@@ -15,10 +16,10 @@ SPLITS = ("sah", "median")
 
 def flaws(tree, triangles):
     """What is wrong with a tree over triangles (m, 12), a line each; a healthy tree has none."""
-    child = tree.nodes.child.reshape(-1, NODE)
-    box = tree.nodes.bounds.reshape(-1, 2, 3, NODE)
-    prim_id = tree.leaves.prim_id.reshape(-1, NODE)
-    rows = tree.leaves.rows.reshape(-1, 12, NODE)
+    child = tree.nodes.child.reshape(-1, 64)[:, 48:56]
+    box = tree.nodes.bounds.reshape(-1, 64)[:, :48].reshape(-1, 2, 3, NODE)
+    prim_id = tree.leaves.prim_id.reshape(-1, 104)[:, 72:80]
+    rows = np.delete(tree.leaves.rows.reshape(-1, 13, NODE), 9, axis=1)
     found = []
     area = np.isfinite(triangles[:, 9:]).all(axis=1)
     counts = np.zeros(len(triangles), int)
@@ -123,7 +124,7 @@ def test_trees_are_healthy(name, precision, split):
     tree, triangles, levels = grown(name, precision, split)
     assert flaws(tree, triangles) == []
     assert tree.nodes.bounds.dtype == tree.leaves.rows.dtype == precision
-    assert depth(tree.nodes.child.reshape(-1, NODE)) <= levels
+    assert depth(children_of(tree.nodes)) <= levels
 
 
 @pytest.mark.parametrize("triangle", ["watertight", "moller-trumbore"])
@@ -160,7 +161,7 @@ def test_the_triangle_test_does_not_change_the_tree(triangle):
 @pytest.mark.parametrize("name", [name for name in MESHES if len(MESHES[name]()[1]) > 8])
 def test_trees_stay_shallow(name, precision, split):
     count = len(MESHES[name]()[1])
-    child = grown(name, precision, split)[0].nodes.child.reshape(-1, NODE)
+    child = children_of(grown(name, precision, split)[0].nodes)
     # A node of eight holds at least one level of the binary tree, whose halves by count have log2(n / 8) levels;
     # the SAH may peel off eight a node for 64 levels before it must halve too.
     most = 2 + int(np.log2(count / NODE + 1))
@@ -189,8 +190,8 @@ def test_the_sah_costs_less_than_halves():
     cost = {}
     for split in SPLITS:
         nodes = build(vertices, faces, split, "watertight")[0].nodes
-        box = nodes.bounds.reshape(-1, 2, 3, NODE).swapaxes(2, 3)
-        x, y, z = np.moveaxis((box[:, 1] - box[:, 0])[nodes.child.reshape(-1, NODE) != 0], 1, 0)
+        box = boxes_of(nodes).reshape(-1, 2, 3, NODE).swapaxes(2, 3)
+        x, y, z = np.moveaxis((box[:, 1] - box[:, 0])[children_of(nodes) != 0], 1, 0)
         cost[split] = np.sum(x * y + y * z + z * x)
     assert cost["sah"] < 0.6 * cost["median"]
 
@@ -226,16 +227,29 @@ def test_normals_in_double_lose_nothing_where_edges_are_nearly_parallel():
         np.testing.assert_allclose(triangles[i, 9:], n / np.linalg.norm(n), rtol=0, atol=4 * np.finfo(np.float64).eps)
 
 
+def children(a):
+    """Where the children of nodes stand."""
+    return np.flatnonzero((np.arange(len(a)) % 64 // 8 == 6) & (a != 0))
+
+
+def inner(a):
+    return children(a)[a[children(a)] > 0]
+
+
+def leaf(a):
+    return children(a)[a[children(a)] < 0]
+
+
 def planted():
     """Ways to break a tree, and what the validator must say."""
-    yield "nodes", "child", lambda a: a.__setitem__(np.flatnonzero(a > 0)[0], 0), "gap|never reached"
-    yield "nodes", "child", lambda a: a.__setitem__(np.flatnonzero(a > 0)[1], a[a > 0][0]), "two parents"
-    yield "nodes", "child", lambda a: a.__setitem__(np.flatnonzero(a < 0)[0], a[a < 0][1]), "is in 2"
+    yield "nodes", "child", lambda a: a.__setitem__(inner(a)[0], 0), "gap|never reached"
+    yield "nodes", "child", lambda a: a.__setitem__(inner(a)[1], a[inner(a)[0]]), "two parents"
+    yield "nodes", "child", lambda a: a.__setitem__(leaf(a)[0], a[leaf(a)[1]]), "is in 2"
     yield "nodes", "bounds", lambda a: a.__setitem__(0, a[0] + 0.5), "sticks out"
     yield "nodes", "bounds", lambda a: a.__setitem__(24, a[24] - 0.5), "sticks out"
     yield "nodes", "bounds", lambda a: a.__setitem__(np.flatnonzero(a == np.inf)[0], 0), "can be entered"
-    yield "leaves", "prim_id", lambda a: a.__setitem__(0, -1), "gap"
-    yield "leaves", "prim_id", lambda a: a.__setitem__(0, a[8]), "is in 2 leaves"
+    yield "leaves", "prim_id", lambda a: a.__setitem__(72, -1), "gap"
+    yield "leaves", "prim_id", lambda a: a.__setitem__(72, a[104 + 72]), "is in 2 leaves"
     yield "leaves", "rows", lambda a: a.__setitem__(0, a[0] + 1e-3), "not its triangles"
 
 

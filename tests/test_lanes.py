@@ -22,6 +22,7 @@ from raytrace.accel.lanes import (
     lane_numbers,
     load,
     machine_epsilon,
+    mask_of,
     maximum,
     minimum,
     packet,
@@ -36,6 +37,7 @@ from raytrace.accel.lanes import (
     splat_int,
     sqrt,
     store,
+    to_int,
     to_real,
 )
 
@@ -245,6 +247,8 @@ def test_plain_functions_mean_what_they_say():
     assert bits(np.array([True, False, True, True])) == 13
     assert count(np.array([True, False, True, True])) == 3
     assert first_bit(40) == 3
+    assert mask_of(13, x).tolist() == [True, False, True, True]
+    assert to_int(np.array([2.9, -2.9, -0.0], "f4")).tolist() == [2, -2, 0]
     assert reverse_bits(np.array([1, 3 << 30, 0xF0000001], np.uint32)).tolist() == [1 << 31, 3, 0x8000000F]
     assert power_of_two(np.array([3.99, -0.3, 4, 0, 1e-40], "f4")).tolist() == [2, 0.25, 4, 0, 0]
     assert load(np.arange(9.0), 2, 4).tolist() == [2, 3, 4, 5]
@@ -276,11 +280,14 @@ def whole_kernel(width):
             store(out, 8 * size + i, select(x < y, x, y))
             store(out, 9 * size + i, splat(np.uint32(0xFFFFFFFF), x) + np.uint32(2))
             store(out, 10 * size + i, x % np.uint32(1000))
+            store(out, 11 * size + i, (x & y) << np.uint32(3))
             store(out_i, i, k * np.int32(3) - lane_numbers(f))
             store(out_i, size + i, select(k < np.int32(5), k, splat_int(-1, f)))
             store(out_i, 2 * size + i, splat_int(7, width))
             store(out_i, 3 * size + i, select(k >= 0, k, np.int32(0)))
             store(out_i, 4 * size + i, gather(i32, lane_numbers(f)))
+            store(out_i, 5 * size + i, to_int(f * 100.0))
+            store(out_i, 6 * size + i, select(mask_of(bits(f > 0.0), f), k, np.int32(0)))
             store(out_f, i, to_real(x >> np.uint32(8), f))
             store(out_f, size + i, gather(reals, lane_numbers(f) + np.int32(i)))
             store(out_f, 2 * size + i, splat(lane_min(f), f))
@@ -312,7 +319,7 @@ def test_operations_on_integers_and_moves_are_compiled_to_their_meaning(width, d
     reals, mask = rng.normal(size=n).astype(dtype), rng.random(n) < 0.4
     mask[:16], mask[16:32] = True, False
     outputs = [
-        (np.zeros(11 * n, np.uint32), np.zeros(5 * n, np.int32), np.zeros(5 * n, dtype), np.full(n, 9, dtype))
+        (np.zeros(12 * n, np.uint32), np.zeros(7 * n, np.int32), np.zeros(5 * n, dtype), np.full(n, 9, dtype))
         for _ in "ab"
     ]
     kernel = whole_kernel(width)
@@ -327,8 +334,11 @@ def test_operations_on_integers_and_moves_are_compiled_to_their_meaning(width, d
     ):
         assert np.array_equal(out[row * n : row * n + n], expected & 0xFFFFFFFF)
     assert np.array_equal(out[6 * n : 7 * n], wide % other)
-    assert np.array_equal(out[10 * n :], wide % 1000)
+    assert np.array_equal(out[10 * n : 11 * n], wide % 1000)
+    assert np.array_equal(out[11 * n :], ((wide & other) << 3) & 0xFFFFFFFF)
     assert np.array_equal(out_i[3 * n : 4 * n], np.maximum(i32, 0))
+    assert np.array_equal(out_i[5 * n : 6 * n], np.trunc(reals * np.dtype(dtype).type(100)).astype(np.int32))
+    assert np.array_equal(out_i[6 * n :], np.where(reals > 0, i32, 0))
     assert np.array_equal(out_f[:n], (u >> 8).astype(dtype))
     assert rays.same_bits(out_f[n : 2 * n], reals)
     assert np.array_equal(out_f[2 * n : 3 * n], np.repeat(reals.reshape(-1, width).min(axis=1), width))

@@ -2,7 +2,9 @@
 
 from typing import NamedTuple
 
-from raytrace.accel.lanes import absolute, fma, maximum, minimum, select
+import numpy as np
+
+from raytrace.accel.lanes import absolute, fma, lane_max, lane_min, maximum, minimum, select, splat
 from raytrace.jit import inlined
 
 MIN_DIRECTION = 2.0**-60  # of directions of ordinary length: smaller components would make o / d overflow
@@ -73,3 +75,67 @@ def slab_test(slabs, near, far, tmin, tmax):
     t_in = maximum(maximum(x_in, y_in), maximum(z_in, tmin))
     t_out = minimum(minimum(x_out, y_out), minimum(z_out, tmax))
     return t_in, t_in <= t_out
+
+
+class Beam(NamedTuple):
+    """Bounds of the origins and reciprocal directions of a packet of rays with the same signs; numbers."""
+
+    near_ox: float  # the origin that is nearest to planes ahead
+    near_oy: float
+    near_oz: float
+    far_ox: float
+    far_oy: float
+    far_oz: float
+    low_ix: float
+    low_iy: float
+    low_iz: float
+    high_ix: float
+    high_iy: float
+    high_iz: float
+    tmin: float
+
+
+@inlined
+def beam_axis(o, slab_near_i, slab_far_i, alive, eps):
+    """Nearest and farthest origin, least and greatest reciprocal direction of the rays alive, rounded outward."""
+    low_o, high_o = lane_min(select(alive, o, np.inf)), lane_max(select(alive, o, -np.inf))
+    low_i, high_i = lane_min(select(alive, slab_near_i, np.inf)), lane_max(select(alive, slab_far_i, -np.inf))
+    if high_i > 0.0:
+        return high_o, low_o, low_i, high_i
+    low_i, high_i = lane_min(select(alive, slab_far_i, np.inf)), lane_max(select(alive, slab_near_i, -np.inf))
+    return low_o, high_o, low_i, high_i
+
+
+@inlined
+def make_beam(o, slabs, tmin, alive, eps):
+    """Beam of the rays alive."""
+    near_ox, far_ox, low_ix, high_ix = beam_axis(o[0], slabs.near_ix, slabs.far_ix, alive, eps)
+    near_oy, far_oy, low_iy, high_iy = beam_axis(o[1], slabs.near_iy, slabs.far_iy, alive, eps)
+    near_oz, far_oz, low_iz, high_iz = beam_axis(o[2], slabs.near_iz, slabs.far_iz, alive, eps)
+    return Beam(
+        near_ox, near_oy, near_oz, far_ox, far_oy, far_oz, low_ix, low_iy, low_iz, high_ix, high_iy, high_iz,
+        lane_min(select(alive, tmin, np.inf)),
+    )  # fmt: skip
+
+
+@inlined
+def wide_beam(like):
+    """A beam that meets every box, where finding out costs more than it saves."""
+    zero, huge = lane_min(splat(0.0, like)), lane_max(splat(1e30, like))
+    return Beam(zero, zero, zero, zero, zero, zero, -huge, -huge, -huge, huge, huge, huge, -huge)
+
+
+@inlined
+def beam_test(beam, near, far, tmax):
+    """Mask of the boxes that any ray of a packet may meet: (plane - o) / d in interval arithmetic."""
+    x, y, z = near[0] - beam.near_ox, near[1] - beam.near_oy, near[2] - beam.near_oz
+    x_in = minimum(x * beam.low_ix, x * beam.high_ix)
+    y_in = minimum(y * beam.low_iy, y * beam.high_iy)
+    z_in = minimum(z * beam.low_iz, z * beam.high_iz)
+    x, y, z = far[0] - beam.far_ox, far[1] - beam.far_oy, far[2] - beam.far_oz
+    x_out = maximum(x * beam.low_ix, x * beam.high_ix)
+    y_out = maximum(y * beam.low_iy, y * beam.high_iy)
+    z_out = maximum(z * beam.low_iz, z * beam.high_iz)
+    t_in = maximum(maximum(x_in, y_in), maximum(z_in, beam.tmin))
+    t_out = minimum(minimum(x_out, y_out), minimum(z_out, tmax))
+    return t_in <= t_out

@@ -10,8 +10,9 @@ from raytrace.accel.boxes import BOX, clear
 from raytrace.accel.flatten import flatten
 from raytrace.accel.grow import MAX_DEPTH, SPLITS, Part, grow, make_binary, make_scratch
 from raytrace.accel.lanes import NODE
+from raytrace.accel.layout import make_leaves, make_nodes
 from raytrace.jit import inlined, interpreted, kernel
-from raytrace.records import MollerTrumboreLeaves, Nodes, Tree, WatertightLeaves
+from raytrace.records import MollerTrumboreLeaves, Tree, WatertightLeaves
 
 FEW = 64  # triangles: up to so many the interpreter builds their tree, in less time than the first run would compile
 PARTS, MIN_PART = 32, 4096  # the tree is shared out in parts of at most 1 / PARTS of the triangles, unless they are few
@@ -44,15 +45,15 @@ def minor(a, b, c, d):
 
 @kernel
 def measure(vertices, faces, triangles, boxes, order, corner):
-    """Rows of vertices and unit normal, bounds, and the numbers of the triangles that have an area; how many have."""
+    """Rows of vertices and unit normals; bounds and numbers of the triangles that have an area; how many they are."""
     number = 0
     for k in range(len(faces)):
-        clear(boxes, BOX * k)
-        boxes[BOX * k + 3] = boxes[BOX * k + 7] = 0.0
+        clear(boxes, BOX * number)
+        boxes[BOX * number + 3] = boxes[BOX * number + 7] = 0.0
         for j in range(3):
             for axis in range(3):
                 x = vertices[faces[k, j], axis]
-                at = BOX * k + axis
+                at = BOX * number + axis
                 triangles[k, 3 * j + axis] = x
                 boxes[at] = x if x < boxes[at] else boxes[at]
                 boxes[at + 4] = -x if -x < boxes[at + 4] else boxes[at + 4]
@@ -90,16 +91,16 @@ def build(vertices, faces, split, triangle):
     """
     m, dtype = len(faces), vertices.dtype
     steps = Steps(*(interpreted(kernel) if m <= FEW else kernel for kernel in (measure, grow, flatten)))
-    triangles, boxes, order = np.empty((m, 12), dtype), np.empty(BOX * m, dtype), np.empty(m, np.int32)
+    triangles, boxes, order = np.empty((m, 12), dtype), np.empty(BOX * (m + 1), dtype), np.empty(m, np.int32)
     with np.errstate(all="ignore"):
         n = steps.measure(vertices, faces, triangles, boxes, order, np.empty(9))
         binary, count = _grow_all(make_binary(order[:n].copy(), boxes), SPLITS[split], steps.grow)
-        nodes = Nodes(np.empty(max(count // 2, 1) * 6 * NODE, dtype), np.empty(max(count // 2, 1) * NODE, np.int32))
-        room = (count + 1) // 2
-        leaves = LEAVES[triangle](np.empty(room * 12 * NODE, dtype), np.empty(room * NODE, np.int32))
+        nodes, leaves = make_nodes(max(count // 2, 1), dtype), make_leaves(LEAVES[triangle], (count + 1) // 2, dtype)
         stack = np.empty((NODE * (MAX_DEPTH + 64), 3), np.int64)
         node_count, _, levels = steps.flatten(binary, nodes, leaves, triangles, stack, np.empty(NODE, np.int64))
-    nodes = Nodes(nodes.bounds[: node_count * 6 * NODE].copy(), nodes.child[: node_count * NODE].copy())
+    fitting = make_nodes(node_count, dtype)
+    fitting.bounds[:] = nodes.bounds[: len(fitting.bounds)]
+    nodes = fitting
     return Tree(nodes, leaves), triangles, levels
 
 

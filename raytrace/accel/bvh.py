@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytrace.accel import query
+from raytrace.accel import reorder
 from raytrace.accel.build import LEAVES, build
 from raytrace.accel.door import (
     check_faces,
@@ -17,11 +17,12 @@ from raytrace.accel.door import (
 )  # fmt: skip
 from raytrace.accel.grow import SPLITS
 from raytrace.accel.health import TreeStats, tree_problems, tree_stats
-from raytrace.accel.lanes import NODE
+from raytrace.accel.kinds import ROWS
+from raytrace.accel.lanes import NODE, PACKET
 from raytrace.parallel import run
 from raytrace.records import Hits, Rays, Surface, Work
 
-CHUNK = 1 << 16  # rays handed to a thread at a time
+CHUNK = 1 << 17  # rays handed to a thread at a time
 GAMMA = 16  # see passes/surface.py
 
 
@@ -76,6 +77,7 @@ class BVH:
         self.vertices = check_vertices(vertices, np.dtype(precision))
         self.faces = check_faces(faces, len(self.vertices))
         self.tree, self.triangles, self.levels = build(self.vertices, self.faces, split, triangle)
+        self.grid = reorder.make_grid(self.tree)
 
     def __repr__(self) -> str:
         return f"<BVH of {len(self.faces)} triangles, {self.precision}, {self.split}, {self.triangle}>"
@@ -119,12 +121,18 @@ class BVH:
         arrays, n = self._arrays(origins, directions, tmin, tmax)
         rays = Rays(*(columns_of(array, n) for array in arrays))
         dtype = self.triangles.dtype
-        hits = Hits(np.empty(n, dtype), np.empty(n, np.int32), np.empty(n, dtype), np.empty(n, dtype))
+        size = dtype.itemsize
+        memory = np.empty(n * (3 * size + 4), np.uint8)  # one block, which the allocator gives again without new pages
+        t, u, v = memory[: 3 * n * size].view(dtype).reshape(3, n)
+        hits = Hits(t, memory[3 * n * size :].view(np.int32), u, v)
+        rooms: list[reorder.Room] = []
 
         def trace(begin: int) -> None:
             count = min(CHUNK, n - begin)
             part = Hits(*(column[begin : begin + count] for column in hits))
-            query.closest_hit(self.tree, rays_from(rays, begin), part, count, self.work())
+            room = rooms.pop() if rooms else reorder.make_room(min(CHUNK, n), dtype, self.work())
+            reorder.closest_hit(self.tree, self.grid, rays_from(rays, begin), part, count, room)
+            rooms.append(room)
 
         run(trace, range(0, n, CHUNK), threads)
         return hits
@@ -154,9 +162,14 @@ class BVH:
         rays = Rays(*(columns_of(array, n) for array in arrays))
         occluded = np.empty(n, np.bool_)
 
+        rooms: list[reorder.Room] = []
+
         def trace(begin: int) -> None:
             count = min(CHUNK, n - begin)
-            query.any_hit(self.tree, rays_from(rays, begin), occluded[begin : begin + count], count, self.work())
+            part = occluded[begin : begin + count]
+            room = rooms.pop() if rooms else reorder.make_room(min(CHUNK, n), self.triangles.dtype, self.work())
+            reorder.any_hit(self.tree, self.grid, rays_from(rays, begin), part, count, room)
+            rooms.append(room)
 
         run(trace, range(0, n, CHUNK), threads)
         return occluded
@@ -224,7 +237,9 @@ class BVH:
     def work(self) -> Work:
         """Scratch memory for one thread."""
         room = (NODE - 1) * self.levels + 2
-        return Work(np.empty(room, self.triangles.dtype), np.empty(room, np.int32), np.zeros(2, np.int64))
+        dtype = self.triangles.dtype
+        stack = np.empty(room, dtype), np.empty(room, np.int32), np.empty(room, np.int32)
+        return Work(*stack, np.empty(ROWS * PACKET, dtype), np.empty(PACKET, np.int32), np.zeros(2, np.int64))
 
     def _arrays(self, *rays: ArrayLike) -> tuple[list[NDArray[np.floating]], int]:
         """Origins, directions, tmin, tmax in the precision of the tree, and the number of rays."""

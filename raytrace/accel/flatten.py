@@ -4,6 +4,7 @@ import numpy as np
 
 from raytrace.accel.boxes import BOX, half_area, high, low
 from raytrace.accel.lanes import NODE, machine_epsilon
+from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, PRIM_ID
 from raytrace.jit import inlined, kernel
 
 WIDEN = 8.0  # machine epsilons of a leaf's largest coordinate: the rounding of the triangle test stays inside its box
@@ -29,9 +30,10 @@ def fill_leaf(tree, node, leaves, leaf, triangles):
     begin, count = tree.first[node], tree.count[node]
     for k in range(NODE):
         number = tree.order[begin + k] if k < count else -1
-        leaves.prim_id[leaf * NODE + k] = number
+        leaves.prim_id[leaf * LEAF_SIZE + PRIM_ID + k] = number
         for row in range(12):
-            leaves.rows[(leaf * 12 + row) * NODE + k] = triangles[number, row] if k < count else 0.0
+            at = leaf * LEAF_SIZE + k + NODE * (row if row < 9 else row + 1)
+            leaves.rows[at] = triangles[number, row] if k < count else 0.0
 
 
 @inlined
@@ -59,18 +61,18 @@ def flatten(tree, nodes, leaves, triangles, stack, kids):
         while number < NODE and open_widest(tree, kids, number):
             number += 1
         for k in range(NODE):
-            nodes.child[node * NODE + k] = 0
+            nodes.child[node * NODE_SIZE + CHILD + k] = 0
             if k >= number:
                 for row in range(6):
-                    nodes.bounds[(node * 6 + row) * NODE + k] = np.inf if row < 3 else -np.inf
+                    nodes.bounds[node * NODE_SIZE + row * NODE + k] = np.inf if row < 3 else -np.inf
                 continue
-            fill_box(nodes, node * 6 * NODE + k, tree.bounds, BOX * kids[k], eps)
+            fill_box(nodes, node * NODE_SIZE + k, tree.bounds, BOX * kids[k], eps)
             if tree.left[kids[k]] == 0:
                 fill_leaf(tree, kids[k], leaves, number_of_leaves, triangles)
-                nodes.child[node * NODE + k] = ~number_of_leaves
+                nodes.child[node * NODE_SIZE + CHILD + k] = ~number_of_leaves
                 number_of_leaves += 1
                 continue
-            nodes.child[node * NODE + k] = number_of_nodes
+            nodes.child[node * NODE_SIZE + CHILD + k] = number_of_nodes
             stack[top, 0], stack[top, 1], stack[top, 2] = kids[k], number_of_nodes, level + 1
             number_of_nodes += 1
             top += 1

@@ -5,10 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.accel.boxes import BOX, centre, clear, half_area, high, include, low
+from raytrace.accel.lanes import load, minimum, splat, store, to_int
 from raytrace.jit import inlined, kernel, subroutine
 
 SPLITS = {"sah": 0, "median": 1}
 BINS = 16  # of the binned SAH [Wald2007]
+HALF = BOX // 2
 MAX_DEPTH = 64  # below, every split halves the count, so that no input makes a deep tree
 
 
@@ -20,14 +22,14 @@ class Binary(NamedTuple):
     first: np.ndarray  # (n,) i4: first of its triangles in `order`
     count: np.ndarray  # (n,) i4: how many they are
     order: np.ndarray  # (t,) i4: triangles
-    boxes: np.ndarray  # (8m,) f, world units: box of each triangle of the mesh
+    boxes: np.ndarray  # (8t,) f, world units: their boxes, in the same order
 
 
 class Scratch(NamedTuple):
     """Memory for one thread of ``grow``."""
 
     middles: np.ndarray  # (8,) f, world units: box of doubled centres
-    scale: np.ndarray  # (3,) f: bins per world unit along each axis
+    scale: np.ndarray  # (4,) f: bins per world unit along each axis
     bins: np.ndarray  # (3 * BINS * 8,) f, world units: box of each bin's triangles
     counts: np.ndarray  # (3 * BINS,) i8: triangles in each bin
     grown: np.ndarray  # (8,) f, world units: box of the bins swept so far
@@ -52,7 +54,7 @@ def make_binary(order, boxes):
 
 def make_scratch(dtype):
     """Scratch memory for boxes of that type."""
-    middles, scale, bins, grown = (np.zeros(n, dtype) for n in (BOX, 3, 3 * BINS * BOX, BOX))
+    middles, scale, bins, grown = (np.zeros(n, dtype) for n in (BOX, HALF, 3 * BINS * BOX, BOX))
     counts, stack = np.empty(3 * BINS, np.int64), np.empty((MAX_DEPTH + 64, 2), np.int64)
     return Scratch(middles, scale, bins, counts, grown, np.empty(BINS), stack)
 
@@ -60,21 +62,23 @@ def make_scratch(dtype):
 @subroutine
 def bound(tree, begin, end, node, middles):
     """Box of the triangles of a node, and of their (doubled) centres."""
-    clear(tree.bounds, BOX * node)
-    clear(middles, 0)
+    box = splat(np.inf, load(tree.boxes, 0, BOX))
+    low_middle = splat(np.inf, load(tree.boxes, 0, HALF))
+    high_middle = low_middle
     for k in range(begin, end):
-        at = BOX * np.int64(tree.order[k])
-        include(tree.bounds, BOX * node, tree.boxes, at)
-        for axis in range(3):
-            middle = centre(tree.boxes, at, axis)
-            middles[axis] = middle if middle < middles[axis] else middles[axis]
-            middles[axis + 4] = -middle if -middle < middles[axis + 4] else middles[axis + 4]
+        middle = load(tree.boxes, BOX * k, HALF) - load(tree.boxes, BOX * k + HALF, HALF)
+        box = minimum(box, load(tree.boxes, BOX * k, BOX))
+        low_middle = minimum(low_middle, middle)
+        high_middle = minimum(high_middle, -middle)
+    store(tree.bounds, BOX * node, box)
+    store(middles, 0, low_middle)
+    store(middles, HALF, high_middle)
 
 
 @inlined
-def bin_of(tree, at, axis, scratch):
+def bin_of(tree, k, axis, scratch):
     """The bin along an axis that a triangle's centre falls into."""
-    number = int((centre(tree.boxes, at, axis) - low(scratch.middles, 0, axis)) * scratch.scale[axis])
+    number = int((centre(tree.boxes, BOX * k, axis) - low(scratch.middles, 0, axis)) * scratch.scale[axis])
     return number if number < BINS else BINS - 1
 
 
@@ -87,11 +91,13 @@ def fill_bins(tree, begin, end, scratch):
     for k in range(3 * BINS):
         clear(scratch.bins, BOX * k)
         scratch.counts[k] = 0
+    least, scale = load(scratch.middles, 0, HALF), load(scratch.scale, 0, HALF)
     for k in range(begin, end):
-        at = BOX * np.int64(tree.order[k])
+        middle = load(tree.boxes, BOX * k, HALF) - load(tree.boxes, BOX * k + HALF, HALF)
+        numbers = to_int(minimum((middle - least) * scale, BINS - 1.0))
         for axis in range(3):
-            b = axis * BINS + bin_of(tree, at, axis, scratch)
-            include(scratch.bins, BOX * b, tree.boxes, at)
+            b = axis * BINS + numbers[axis]
+            include(scratch.bins, BOX * b, tree.boxes, BOX * k)
             scratch.counts[b] += 1
 
 
@@ -121,24 +127,25 @@ def best_plane(scratch):
 
 
 @inlined
+def swap(tree, i, j):
+    """Exchange two triangles, their boxes with them."""
+    tree.order[i], tree.order[j] = tree.order[j], tree.order[i]
+    box = load(tree.boxes, BOX * i, BOX)
+    store(tree.boxes, BOX * i, load(tree.boxes, BOX * j, BOX))
+    store(tree.boxes, BOX * j, box)
+
+
+@inlined
 def partition(tree, begin, end, plane, scratch):
     """Bring triangles of bins up to a plane (axis, last bin) to the front; where the others begin."""
     i, j = begin, end - 1
     while i <= j:
-        triangle = tree.order[i]
-        if bin_of(tree, BOX * np.int64(triangle), plane[0], scratch) <= plane[1]:
+        if bin_of(tree, i, plane[0], scratch) <= plane[1]:
             i += 1
         else:
-            tree.order[i] = tree.order[j]
-            tree.order[j] = triangle
+            swap(tree, i, j)
             j -= 1
     return i
-
-
-@inlined
-def key(tree, k, axis):
-    """Centre along an axis of a triangle of `order`."""
-    return centre(tree.boxes, BOX * np.int64(tree.order[k]), axis)
 
 
 @subroutine
@@ -148,18 +155,17 @@ def split_median(tree, begin, end, middles):
     for k in range(3):
         if high(middles, 0, k) - low(middles, 0, k) > widest:
             axis, widest = k, high(middles, 0, k) - low(middles, 0, k)
-    order = tree.order
     middle, lowest, highest = (begin + end) // 2, begin, end - 1
     while lowest < highest:
-        pivot = key(tree, (lowest + highest) // 2, axis)
+        pivot = centre(tree.boxes, BOX * ((lowest + highest) // 2), axis)
         i, j = lowest, highest
         while i <= j:
-            while key(tree, i, axis) < pivot:
+            while centre(tree.boxes, BOX * i, axis) < pivot:
                 i += 1
-            while key(tree, j, axis) > pivot:
+            while centre(tree.boxes, BOX * j, axis) > pivot:
                 j -= 1
             if i <= j:
-                order[i], order[j] = order[j], order[i]
+                swap(tree, i, j)
                 i += 1
                 j -= 1
         if middle <= j:

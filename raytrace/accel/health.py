@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.accel.lanes import NODE
+from raytrace.accel.layout import boxes_of, children_of, corners_of, triangles_of
 from raytrace.records import Nodes, Tree
 
 NODE_COST = 1.0  # of the SAH: visiting a node of eight boxes, in tests of a leaf of eight triangles
@@ -25,14 +26,14 @@ class TreeStats(NamedTuple):
 
 def _boxes(nodes: Nodes) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Low and high of every child slot: (n, 8, 3) arrays."""
-    bounds = nodes.bounds.reshape(-1, 6, NODE).transpose(0, 2, 1)
+    bounds = boxes_of(nodes).transpose(0, 2, 1)
     return bounds[..., :3], bounds[..., 3:]
 
 
 def tree_stats(tree: Tree, levels: int) -> TreeStats:
     """Count, and weigh by the surface area heuristic: sum of area(child) / area(root) times the cost of the child."""
     low, high = _boxes(tree.nodes)
-    child = tree.nodes.child.reshape(-1, NODE)
+    child = children_of(tree.nodes)
     used = child != 0
     extent = np.where(used[..., None], high - low, 0).astype(np.float64)
     area = extent[..., 0] * extent[..., 1] + extent[..., 1] * extent[..., 2] + extent[..., 2] * extent[..., 0]
@@ -40,16 +41,17 @@ def tree_stats(tree: Tree, levels: int) -> TreeStats:
     root_area = float(root[0] * root[1] + root[1] * root[2] + root[2] * root[0])
     with np.errstate(divide="ignore", invalid="ignore"):  # a mesh in one point
         cost = NODE_COST + float((area * np.where(child > 0, NODE_COST, 1.0)).sum() / np.float64(root_area))
-    triangles, leaves = int((tree.leaves.prim_id >= 0).sum()), len(tree.leaves.prim_id) // NODE
-    size = sum(array.nbytes for record in tree for array in record)
+    numbers = triangles_of(tree.leaves)
+    triangles, leaves = int((numbers >= 0).sum()), len(numbers)
+    size = tree.nodes.bounds.nbytes + tree.leaves.rows.nbytes
     fill, each = (triangles / (leaves * NODE), size / triangles) if triangles else (0.0, 0.0)
     return TreeStats(triangles, len(child), leaves, levels, fill, cost, each)
 
 
 def tree_problems(tree: Tree, triangles: NDArray[np.floating]) -> list[str]:
     """What is wrong with a tree, a line each; ``triangles`` are the (m, 12) rows that it was built from."""
-    child = tree.nodes.child.reshape(-1, NODE)
-    prim_id = tree.leaves.prim_id.reshape(-1, NODE)
+    child = children_of(tree.nodes)
+    prim_id = triangles_of(tree.leaves)
     problems = _link_problems(child, len(prim_id)) + _leaf_problems(prim_id, triangles)
     return problems or _box_problems(tree, triangles)  # boxes can be followed only where links are right
 
@@ -81,8 +83,8 @@ def _leaf_problems(prim_id: NDArray[np.int32], triangles: NDArray[np.floating]) 
 def _box_problems(tree: Tree, triangles: NDArray[np.floating]) -> list[str]:
     """Every box holds what is below it; lanes hold the vertices of their triangles."""
     low, high = _boxes(tree.nodes)
-    child, prim_id = tree.nodes.child.reshape(-1, NODE), tree.leaves.prim_id.reshape(-1, NODE)
-    rows = tree.leaves.rows.reshape(-1, 12, NODE).transpose(0, 2, 1)
+    child, prim_id = children_of(tree.nodes), triangles_of(tree.leaves)
+    rows = corners_of(tree.leaves).transpose(0, 2, 1)
     held = prim_id >= 0
     problems = []
     if not (np.isposinf(low[child == 0]).all() and np.isneginf(high[child == 0]).all()):

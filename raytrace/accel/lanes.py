@@ -19,6 +19,7 @@ def _host_bits() -> int:
     return 512 if features.get("avx512f") else 256 if features.get("avx2") else 128
 
 
+PACKET = 16  # most rays of a packet on any machine
 BITS = _host_bits()  # of one vector register of this machine
 
 
@@ -96,6 +97,11 @@ def to_real(x, like):
     return x.astype(like.dtype)
 
 
+def to_int(x):
+    """Floats cut off to int32; none may be NaN or out of range."""
+    return x.astype(np.int32)
+
+
 def fma(a, b, c):
     """``a * b + c`` with a single rounding."""
     like = next(x for x in (a, b, c) if isinstance(x, np.ndarray))
@@ -161,6 +167,11 @@ def power_of_two(x):
 def bits(mask):
     """The mask as an integer: bit k is lane k."""
     return sum(1 << k for k, true in enumerate(mask.tolist()) if true)
+
+
+def mask_of(x, like):
+    """The mask whose lane k is bit k of the integer ``x``, as wide as ``like``."""
+    return np.array([x >> k & 1 == 1 for k in range(len(like))])
 
 
 def count(mask):

@@ -153,6 +153,10 @@ def _emit_bits(builder, sig, args):
     return builder.zext(builder.bitcast(args[0], ir.IntType(sig.args[0].n)), I64)
 
 
+def _emit_mask_of(builder, sig, args):
+    return builder.bitcast(builder.trunc(args[0], ir.IntType(sig.args[1].n)), vector_of(sig.return_type))
+
+
 def _emit_reduce(name):
     def emit(builder, sig, args):
         kind = args[0].type
@@ -179,6 +183,12 @@ taught(
     lambda x, like: signature(Lanes(like.elem, like.n), x, like),
     lambda b, sig, args: b.sitofp(args[0], vector_of(sig.return_type)),
 )(lanes.to_real)
+
+
+taught(
+    lambda x: signature(Lanes(types.int32, x.n), x),
+    lambda b, sig, args: b.fptosi(args[0], vector_of(sig.return_type)),
+)(lanes.to_int)
 
 
 taught(like_lanes(), vector_call("llvm.fma"))(lanes.fma)
@@ -219,6 +229,9 @@ taught(like_lanes(), _emit_power_of_two)(lanes.power_of_two)
 
 
 taught(lambda mask: signature(types.int64, mask), _emit_bits)(lanes.bits)
+
+
+taught(lambda x, like: signature(Mask(like.n), types.int64, like), _emit_mask_of)(lanes.mask_of)
 
 
 taught(lambda x: signature(x.elem, x), _emit_reduce("fmin"))(lanes.lane_min)

@@ -146,6 +146,8 @@ for _op, _real, _integer in (
     (operator.truediv, "fdiv", None),
     (operator.xor, None, "xor"),
     (operator.or_, None, "or_"),
+    (operator.and_, None, "and_"),
+    (operator.lshift, None, "shl"),
     (operator.rshift, None, "lshr"),
     (operator.floordiv, None, "udiv"),
     (operator.mod, None, "urem"),

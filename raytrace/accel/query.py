@@ -1,8 +1,12 @@
-"""The two queries: nearest hits and occlusion of a batch of rays, packet by packet."""
+"""The two queries: nearest hits and occlusion of a batch of rays, packet by packet.
+
+A register full of rays is split by kind; rays of one kind go through the tree side by side.
+"""
 
 import numpy as np
 
-from raytrace.accel.box import Slabs, make_slabs
+from raytrace.accel.box import make_beam, make_slabs, wide_beam
+from raytrace.accel.kinds import Alike, kind_of, kinds_of, make_frame, same_kind
 from raytrace.accel.lanes import (
     absolute,
     bits,
@@ -13,6 +17,7 @@ from raytrace.accel.lanes import (
     load,
     machine_epsilon,
     machine_largest,
+    mask_of,
     maximum,
     minimum,
     packet,
@@ -20,10 +25,11 @@ from raytrace.accel.lanes import (
     power_of_two,
     select,
     splat,
+    splat_int,
     store,
 )  # fmt: skip
-from raytrace.accel.traverse import Alike, Axes, any_packet, any_single, closest_packet, closest_single
-from raytrace.accel.triangle import Frame
+from raytrace.accel.layout import NODE_SIZE
+from raytrace.accel.packet import any_packet, closest_packet
 from raytrace.accel.vectors import scaled
 from raytrace.jit import inlined, kernel
 
@@ -40,8 +46,13 @@ def read(columns, i, axis, n, like):
     if columns.row == 1 and i + packet_width(columns.data) <= n:
         return load(columns.data, at + i, like)
     rows = lane_numbers(like) + np.int32(i)
-    rows = select(rows < np.int32(n), rows, np.int32(n - 1))
-    return gather(columns.data, rows * np.int32(columns.row) + np.int32(at))
+    return pick(columns, select(rows < np.int32(n), rows, np.int32(n - 1)), axis)
+
+
+@inlined
+def pick(columns, rows, axis):
+    """Component ``axis`` of rays of any numbers."""
+    return gather(columns.data, rows * np.int32(columns.row) + np.int32(columns.start + axis * columns.axis))
 
 
 @inlined
@@ -68,61 +79,6 @@ def read_rays(rays, i, n, like):
 
 
 @inlined
-def permute(dominant, a):
-    """Components with the dominant one last."""
-    if dominant == 0:
-        return a[1], a[2], a[0]
-    if dominant == 1:
-        return a[2], a[0], a[1]
-    return a
-
-
-@inlined
-def make_frame(dominant, o, d, scale):
-    """Frame of rays that share their dominant axis."""
-    ox, oy, oz = permute(dominant, o)
-    dx, dy, dz = permute(dominant, d)
-    return Frame(ox, oy, oz, dx, dy, dz, -(dx / dz), -(dy / dz), scale)
-
-
-@inlined
-def kinds_of(d):
-    """Bits of the lanes that are negative in x, y, z, and whose dominant axis is x, or else y."""
-    ax, ay, az = absolute(d[0]), absolute(d[1]), absolute(d[2])
-    on_x = (ax >= ay) & (ax >= az)
-    return bits(d[0] < 0.0), bits(d[1] < 0.0), bits(d[2] < 0.0), bits(on_x), bits(~on_x & (ay >= az))
-
-
-@inlined
-def alike(kinds, alive):
-    """All live rays have the same signs and dominant axis."""
-    mixed = 0
-    for flags in kinds:
-        mixed |= (flags & alive) != 0 and (flags & alive) != alive
-    return mixed == 0
-
-
-@inlined
-def kind_of(kinds, k):
-    """Dominant axis and axes of the ray in lane k."""
-    dominant = 0 if kinds[3] >> k & 1 else 1 if kinds[4] >> k & 1 else 2
-    axes = Axes(
-        24 if kinds[0] >> k & 1 else 0, 32 if kinds[1] >> k & 1 else 8, 40 if kinds[2] >> k & 1 else 16,
-        8 * ((dominant + 1) % 3), 8 * ((dominant + 2) % 3), 8 * dominant,
-    )  # fmt: skip
-    return dominant, axes
-
-
-@inlined
-def slabs_of(slabs, k):
-    """Slabs of the ray in lane k."""
-    return Slabs(
-        slabs.near_ix[k], slabs.near_iy[k], slabs.near_iz[k], slabs.near_cx[k], slabs.near_cy[k], slabs.near_cz[k],
-        slabs.far_ix[k], slabs.far_iy[k], slabs.far_iz[k], slabs.far_cx[k], slabs.far_cy[k], slabs.far_cz[k],
-    )  # fmt: skip
-
-
-@inlined
 def write(a, i, n, x):
     """Write a register to elements i, i + 1, ... of an array of length n."""
     if i + packet_width(a) <= n:
@@ -131,35 +87,39 @@ def write(a, i, n, x):
         compress(a, i, lane_numbers(x) < np.int32(n - i), x)
 
 
+@inlined
+def beam_of(tree, o, slabs, tmin, mask, eps):
+    """Beam of the rays of a packet that go through a tree."""
+    if len(tree.nodes.bounds) == NODE_SIZE:
+        return wide_beam(tmin)
+    return make_beam(o, slabs, tmin, mask, eps)
+
+
 @kernel
 def closest_hit(tree, rays, hits, n, work):
     """Nearest hits of n rays."""
     like = packet(tree.nodes.bounds)
     eps = machine_epsilon(tree.nodes.bounds)
-    width = packet_width(tree.nodes.bounds)
-    for i in range(0, n, width):
+    for i in range(0, n, packet_width(tree.nodes.bounds)):
         o, d, scale, tmin, tmax = read_rays(rays, i, n, like)
-        slabs = make_slabs(o, d, eps)
-        kinds = kinds_of(d)
-        alive = bits(tmin < tmax)
-        if alike(kinds, alive):
-            dominant, axes = kind_of(kinds, first_bit(alive | 1 << 62) % 62)
-            frame = make_frame(dominant, o, d, scale)
-            t, prim, u, v = closest_packet(tree, Alike(slabs, frame, axes, tmin), tmax, work)
-            write(hits.t, i, n, select(prim < 0, np.inf, t / scale))
-            write(hits.prim_id, i, n, prim)
-            write(hits.u, i, n, u)
-            write(hits.v, i, n, v)
-            continue
-        for k in range(width if width < n - i else n - i):
+        slabs, kinds = make_slabs(o, d, eps), kinds_of(d)
+        t, u, v, prim = tmax, splat(0.0, like), splat(0.0, like), splat_int(-1, like)
+        left = bits(tmin < tmax)
+        while left != 0:
+            k = first_bit(left)
+            same = left & same_kind(kinds, k)
+            left &= ~same
             dominant, axes = kind_of(kinds, k)
-            frame = make_frame(dominant, (o[0][k], o[1][k], o[2][k]), (d[0][k], d[1][k], d[2][k]), scale[k])
-            t_k, prim_k, u_k, v_k = closest_single(tree, Alike(slabs_of(slabs, k), frame, axes, tmin[k]), tmax[k], work)
-            found = prim_k >= 0
-            hits.t[i + k] = t_k / scale[k] if found else np.inf
-            hits.prim_id[i + k] = prim_k
-            hits.u[i + k] = u_k if found else 0.0
-            hits.v[i + k] = v_k if found else 0.0
+            alike = Alike(slabs, make_frame(dominant, o, d, scale), axes, tmin)
+            mask = mask_of(same, like)
+            hit = closest_packet(tree, alike, beam_of(tree, o, slabs, tmin, mask, eps), same, tmax, work)
+            t, u, v = select(mask, hit[0], t), select(mask, hit[1], u), select(mask, hit[2], v)
+            prim = select(mask, hit[3], prim)
+        found = prim >= 0
+        write(hits.t, i, n, select(found, t / scale, np.inf))
+        write(hits.prim_id, i, n, prim)
+        write(hits.u, i, n, select(found, u, 0.0))
+        write(hits.v, i, n, select(found, v, 0.0))
 
 
 @kernel
@@ -170,18 +130,17 @@ def any_hit(tree, rays, occluded, n, work):
     width = packet_width(tree.nodes.bounds)
     for i in range(0, n, width):
         o, d, scale, tmin, tmax = read_rays(rays, i, n, like)
-        slabs = make_slabs(o, d, eps)
-        kinds = kinds_of(d)
-        alive = bits(tmin < tmax)
-        hit = 0
-        if alike(kinds, alive):
-            dominant, axes = kind_of(kinds, first_bit(alive | 1 << 62) % 62)
-            frame = make_frame(dominant, o, d, scale)
-            hit = any_packet(tree, Alike(slabs, frame, axes, tmin), tmax, work)
-        else:
-            for k in range(width if width < n - i else n - i):
-                dominant, axes = kind_of(kinds, k)
-                frame = make_frame(dominant, (o[0][k], o[1][k], o[2][k]), (d[0][k], d[1][k], d[2][k]), scale[k])
-                hit |= any_single(tree, Alike(slabs_of(slabs, k), frame, axes, tmin[k]), tmax[k], work) << k
-        for k in range(width if width < n - i else n - i):
+        slabs, kinds = make_slabs(o, d, eps), kinds_of(d)
+        left, hit = bits(tmin < tmax), 0
+        while left != 0:
+            k = first_bit(left)
+            same = left & same_kind(kinds, k)
+            left &= ~same
+            dominant, axes = kind_of(kinds, k)
+            alike = Alike(slabs, make_frame(dominant, o, d, scale), axes, tmin)
+            hit |= any_packet(tree, alike, beam_of(tree, o, slabs, tmin, mask_of(same, like), eps), same, tmax, work)
+        if i + width <= n:
+            store(occluded, i, mask_of(hit, like))
+            continue
+        for k in range(n - i):
             occluded[i + k] = hit >> k & 1

@@ -109,13 +109,13 @@ def moller_trumbore(frame, v0, v1, v2, n):
     return inside, (e2x * qx + e2y * qy + e2z * qz) * scale, u, v
 
 
-def intersect(leaves, frame, v0, v1, v2, n):
-    """The test that the kind of leaves stands for."""
+def intersect(leaves, frame, triangle):
+    """The test that the kind of leaves stands for; a triangle is v0, v1, v2 and unit normal."""
     test = watertight if isinstance(leaves, WatertightLeaves) else moller_trumbore
-    return test(frame, v0, v1, v2, n)
+    return test(frame, triangle[0], triangle[1], triangle[2], triangle[3])
 
 
 @specialised(intersect)
-def _intersect(leaves, frame, v0, v1, v2, n):
+def _intersect(leaves, frame, triangle):
     test = {WatertightLeaves: watertight, MollerTrumboreLeaves: moller_trumbore}[leaves.instance_class]
-    return lambda leaves, frame, v0, v1, v2, n: test(frame, v0, v1, v2, n)
+    return lambda leaves, frame, triangle: test(frame, triangle[0], triangle[1], triangle[2], triangle[3])
