@@ -106,3 +106,29 @@ def render_options(parser: ArgumentParser) -> None:
     add("--exposure", type=real_number(-100, 100), default=0.0, metavar="STOPS", help="of a .png: light x 2^STOPS")
     add("--quiet", action="store_true", help="no progress and no messages, only errors")
     add("--json", action="store_true", help="print one JSON object: path, seconds, statistics")
+
+
+def compare_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``compare``: the fields of ``raytrace.report.error.Limits`` are the limits."""
+    add = parser.add_argument
+    add("image", type=Path, help="picture to judge: .exr, .npz or .png")
+    add("reference", type=Path, help="picture to judge it by")
+    limit = real_number(0, float("inf"))
+    add("--max-rmse", type=limit, metavar="X", help="root of the mean squared difference, linear light")
+    add("--max-rmse-srgb", type=limit, metavar="X", help="the same on a screen: sRGB, clipped to 0..1")
+    add("--max-relative-mse", type=limit, metavar="X", help="mean squared difference, relative to each value")
+    add("--min-ssim", type=real_number(-1, 1), metavar="X", help="structural similarity, 1 is equal")
+    add("--max-bias", type=limit, metavar="X", help="relative difference of a channel's mean")
+    add("--max-worst-tile", type=limit, metavar="X", help="difference of the worst 8 x 8 tile")
+    add("--max-outliers", type=real_number(0, 1), metavar="X", help="share of pixels that stand out")
+    add("--json", action="store_true", help="print one JSON object")
+
+
+def report_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``report``."""
+    add = parser.add_argument
+    add("scene", type=Path, nargs="?", help="scene file (JSON) whose speed is measured against its error")
+    add("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the report")
+    add("--reference", type=Path, metavar="FILE", help=".exr or .npz to judge by (default: one is drawn, and kept)")
+    add("--budget", type=real_number(1, 1e9), default=60.0, metavar="SECONDS", help="time to measure in (default: 60)")
+    add("--size", type=whole_numbers("WxH", "x", (1, 1)), metavar="WxH", help="film, pixels (default: the scene's)")

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TextIO
 
 import raytrace
-from raytrace.arguments import RENDER_OPTIONS, real_number, render_options, suggestion
+from raytrace.arguments import RENDER_OPTIONS, compare_options, render_options, report_options, suggestion
 from raytrace.errors import RaytraceError
 from raytrace.terminal import INTERRUPTED, Reporter, at_terminal, second_interrupt_leaves, speed
 
@@ -118,19 +118,6 @@ def _check(args: Namespace) -> int:
     return DONE
 
 
-def _compare_options(parser: ArgumentParser) -> None:
-    add = parser.add_argument
-    add("image", type=Path, help="picture to judge: .exr, .npz or .png")
-    add("reference", type=Path, help="picture to judge it by")
-    limit = real_number(0, float("inf"))
-    add("--max-rmse", type=limit, metavar="X", help="root of the mean squared difference, linear light")
-    add("--min-ssim", type=real_number(-1, 1), metavar="X", help="structural similarity, 1 is equal")
-    add("--max-bias", type=limit, metavar="X", help="relative difference of a channel's mean")
-    add("--max-worst-tile", type=limit, metavar="X", help="difference of the worst 8 x 8 tile")
-    add("--max-outliers", type=real_number(0, 1), metavar="X", help="share of pixels that stand out")
-    add("--json", action="store_true", help="print one JSON object")
-
-
 def _compare(args: Namespace) -> int:
     from raytrace.report.error import Limits, violations
 
@@ -148,6 +135,22 @@ def _compare(args: Namespace) -> int:
     for line in broken:
         _say(line)
     return DIFFERENT if broken else DONE
+
+
+def _report(args: Namespace) -> int:
+    from raytrace.report.sweep import report
+
+    if not args.scene:
+        raise ArgumentError(None, "report: which scene? raytrace report scene.json -o DIR")
+    with second_interrupt_leaves():
+        scene = raytrace.load(args.scene)
+        with Reporter(_say, bar=at_terminal()) as reporter:
+            options = {name: getattr(args, name) for name in ("reference", "budget", "size")}
+            found = report(scene, args.output, progress=reporter, **options)
+    print(found)
+    for path in found.files:
+        print(path)
+    return INTERRUPTED if found.interrupted else DONE
 
 
 def _schema(_args: Namespace) -> int:
@@ -190,7 +193,8 @@ VERBS = {
     "render": Verb("draw a scene; may be left out", _render, render_options),
     "explain": Verb("show what a scene needs, what is left out, and why", _explain, _scene_option),
     "check": Verb("check a scene and its meshes without drawing", _check, _scene_option),
-    "compare": Verb("measure how far a picture is from a reference", _compare, _compare_options),
+    "compare": Verb("measure how far a picture is from a reference", _compare, compare_options),
+    "report": Verb("measure speed against error, and write a page about it", _report, report_options),
     "schema": Verb("print the JSON Schema of scene files", _schema),
     "warmup": Verb("compile kernels now, not at the first picture", _warmup),
     "doctor": Verb("show versions, processor, cache and optional packages", _doctor),

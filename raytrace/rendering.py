@@ -111,6 +111,11 @@ def render(
     return job.run(parallel.thread_count(threads), limit, layers)
 
 
+def set_stage(scene: Scene, stage: Stage) -> None:
+    """Draw a scene on this stage from now on, in the stage's precision."""
+    _stages.setdefault(scene, {})[stage.bvh.precision] = stage
+
+
 def _tile_order() -> NDArray[np.uint32]:
     """(x, y) of the pixels of a tile along a Z curve: any packet is a compact block   [Morton1966]."""
     y, x = np.mgrid[0:TILE, 0:TILE]

@@ -35,11 +35,11 @@ class Stage(NamedTuple):
     light_flux: NDArray[np.floating]  # (l, 3) f
 
 
-def make_stage(scene: Scene, plan: Plan, precision: str) -> Stage:
-    """Trees and tables of a scene."""
+def make_stage(scene: Scene, plan: Plan, precision: str, split: str = "sah", triangle: str = "watertight") -> Stage:
+    """Trees and tables of a scene; split and triangle as ``BVH`` takes them."""
     dtype = np.dtype(precision)
     mesh, materials = scene.mesh, scene.materials
-    bvh = BVH(mesh.vertices, mesh.faces, precision)
+    bvh = BVH(mesh.vertices, mesh.faces, precision, split, triangle)
     positions = scene.lights.position.astype(dtype)
     refractive = materials.kind == REFRACTIVE
     table = np.column_stack([materials.albedo, materials.ior, materials.two_sided, refractive])
@@ -60,15 +60,15 @@ def _shadow_bvhs(scene: Scene, bvh: BVH, positions: NDArray[np.floating]) -> tup
     """Trees for the shadow rays of each light; the tree itself where nothing is left out."""
     if not len(positions):
         return ()
-    mesh = scene.mesh
+    mesh, kind = scene.mesh, (bvh.precision, bvh.split, bvh.triangle)
     stops = ~scene.materials.transparent_shadow[mesh.material_id]
-    common = bvh if stops.all() else BVH(mesh.vertices, mesh.faces[stops], bvh.precision)
+    common = bvh if stops.all() else BVH(mesh.vertices, mesh.faces[stops], *kind)
     trees = []
     for position in positions:
         rest = stops.copy()
         rest[triangles_at(bvh.tree, bvh.triangles, position)] = False
         alike = np.array_equal(rest, stops)
-        trees.append(common if alike else BVH(mesh.vertices, mesh.faces[rest], bvh.precision))
+        trees.append(common if alike else BVH(mesh.vertices, mesh.faces[rest], *kind))
     return tuple(trees)
 
 

@@ -24,6 +24,7 @@ class Comparison(NamedTuple):
     """
 
     rmse: float  # radiance: sqrt(sum((a - b)^2) / n)
+    rmse_srgb: float  # on a screen: the same of the sRGB codes, 0..1, of a and b clipped to 0..1; see `screen`
     relative_mse: float  # sum((a - b)^2 / (b^2 + RELATIVE_EPS)) / n
     bias: tuple[float, float, float]  # radiance, per channel: mean(a) - mean(b)
     relative_bias: tuple[float, float, float]  # per channel: (mean(a) - mean(b)) / mean(b)
@@ -42,6 +43,8 @@ class Limits(NamedTuple):
     max_bias: float | None = None  # on |relative_bias| of each channel
     max_worst_tile: float | None = None
     max_outliers: float | None = None
+    max_rmse_srgb: float | None = None
+    max_relative_mse: float | None = None
 
 
 def compare(image: Any, reference: Any) -> Comparison:
@@ -82,7 +85,7 @@ def compare(image: Any, reference: Any) -> Comparison:
     count = int(finite.sum())
     if count == 0:
         nan = math.nan
-        return Comparison(nan, nan, (nan,) * 3, (nan,) * 3, nan, nan, (0, 0), nan, finite.size)
+        return Comparison(nan, nan, nan, (nan,) * 3, (nan,) * 3, nan, nan, (0, 0), nan, finite.size)
     a, b = np.where(finite[:, :, None], a, 0.0), np.where(finite[:, :, None], b, 0.0)
     difference = a - b
     mean = b.sum(axis=(0, 1)) / count
@@ -92,6 +95,7 @@ def compare(image: Any, reference: Any) -> Comparison:
     far = (np.abs(difference) > OUTLIER * (np.abs(b) + level)).any(axis=2)
     return Comparison(
         rmse=math.sqrt((difference**2).sum() / (3 * count)),
+        rmse_srgb=math.sqrt(((screen(a) - screen(b)) ** 2).sum() / (3 * count)),
         relative_mse=float((difference**2 / (b**2 + RELATIVE_EPS)).sum() / (3 * count)),
         bias=(float(bias[0]), float(bias[1]), float(bias[2])),
         relative_bias=(_ratio(bias[0], mean[0]), _ratio(bias[1], mean[1]), _ratio(bias[2], mean[2])),
@@ -113,6 +117,8 @@ def violations(comparison: Comparison, limits: Limits) -> list[str]:
     c = comparison
     ceilings = (
         ("rmse", c.rmse, limits.max_rmse),
+        ("rmse_srgb", c.rmse_srgb, limits.max_rmse_srgb),
+        ("relative_mse", c.relative_mse, limits.max_relative_mse),
         ("relative bias of red", abs(c.relative_bias[0]), limits.max_bias),
         ("relative bias of green", abs(c.relative_bias[1]), limits.max_bias),
         ("relative bias of blue", abs(c.relative_bias[2]), limits.max_bias),
@@ -125,6 +131,15 @@ def violations(comparison: Comparison, limits: Limits) -> list[str]:
     if limits.min_ssim is not None and not c.ssim >= limits.min_ssim:
         lines.append(f"ssim {c.ssim:.6g} is below {limits.min_ssim:g}")
     return lines
+
+
+def screen(light: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Give the sRGB codes that a screen shows of linear light: encoded, and clipped to 0..1.
+
+    >>> screen(np.array([-1.0, 0.5, 7.0])).round(4).tolist()
+    [0.0, 0.7354, 1.0]
+    """
+    return srgb_encode(np.clip(light, 0.0, 1.0))
 
 
 def ssim(a: NDArray[np.floating], b: NDArray[np.floating]) -> float:
@@ -144,7 +159,7 @@ def ssim(a: NDArray[np.floating], b: NDArray[np.floating]) -> float:
         from skimage.metrics import structural_similarity  # 0.2 s: only where pictures are compared
     except ImportError:
         raise RaytraceError('comparing pictures needs scikit-image: pip install "raytrace[report]"') from None
-    codes = [srgb_encode(np.clip(light, 0.0, 1.0)) for light in (a, b)]
+    codes = [screen(a), screen(b)]
     if min(a.shape[:2]) <= 2 * SSIM_RADIUS:
         margin = (SSIM_RADIUS, SSIM_RADIUS)
         codes = [np.pad(code, (margin, margin, (0, 0)), mode="symmetric") for code in codes]

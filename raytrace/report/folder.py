@@ -1,0 +1,31 @@
+"""The folder that a report is written into."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from raytrace.errors import FileError
+from raytrace.image import _replace
+
+
+def check_folder(folder: Path) -> None:
+    """Make a folder, before time is spent on what is to be written there.
+
+    Raises
+    ------
+    FileError
+        It can't be made, or written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{folder}: can't be made: {error.strerror}; choose another folder") from error
+    if not os.access(folder, os.W_OK):
+        raise FileError(f"{folder}: no permission to write there; choose another folder")
+
+
+def write(folder: Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:
+    """Write files by name, each whole or not at all; their paths."""
+    for name, data in files.items():
+        _replace(folder / name, data)
+    return tuple(folder / name for name in files)

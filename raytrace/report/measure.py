@@ -1,0 +1,281 @@
+"""Measuring ways of drawing: several rounds, interleaved, within a time."""
+
+import time
+import tracemalloc
+from collections.abc import Callable, Sequence
+from statistics import median
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.image import srgb8
+from raytrace.picture import Render
+from raytrace.records import MAX_SEED, Scene
+from raytrace.report.error import Comparison, compare, screen
+from raytrace.report.reference import AHEAD, Reference
+from raytrace.report.ways import Subject, Way, steps_of
+
+ROUNDS = 3  # pictures of each point, each with a seed of its own, one after the other in rounds over all points
+FIRST_SPP = 8  # of the first picture in a way: from here on batches are full, and memory grows no more
+SHOWN_SPP = 1, 16, 256  # samples per pixel of the pictures that are kept to be looked at
+GROWTH = 4.0  # how much longer adaptive sampling may take to the next target: errors that shrink as 1 / sqrt(time)
+
+
+class Point(NamedTuple):
+    """One way at one number of samples; errors are means over the rounds."""
+
+    way: Way
+    step: float  # samples per pixel, or the error that adaptive sampling aimed at
+    spp: float  # samples per pixel, mean over the film
+    times: tuple[float, ...]  # s, of each round
+    rays: int  # of all kinds, of one picture
+    peak_bytes: int  # most memory allocated while drawing, with the tree
+    rmse: float  # as in `Comparison`, root of the mean of the squares
+    rmse_srgb: float
+    relative_mse: float
+    bias: tuple[float, float, float]
+    worst_tile: float  # the worst of all rounds
+    ssim: float
+
+    @property
+    def seconds(self) -> float:
+        """Median time of a picture."""
+        return median(self.times)
+
+    @property
+    def rays_per_second(self) -> float:
+        """Rays of all kinds, per second."""
+        return self.rays / self.seconds
+
+    @property
+    def efficiency(self) -> float:
+        """1 / (MSE x seconds), with the MSE on a screen: what a second is worth."""
+        return 1.0 / (self.rmse_srgb**2 * self.seconds) if self.rmse_srgb else float("inf")
+
+
+class First(NamedTuple):
+    """The first picture in a way: with compilation or its cache, and the tree."""
+
+    way: Way
+    seconds: float
+    compile_seconds: float
+    again: float  # s: the same picture once more
+    peak_bytes: int  # most memory allocated by then, with the tree
+
+
+class Shown(NamedTuple):
+    """A picture to be looked at."""
+
+    name: str
+    rgb8: NDArray[np.uint8]  # (h, w, 3) sRGB
+    error: NDArray[np.float32] | None  # (h, w): largest difference of a channel, on a screen; None: the reference
+
+
+class Measured(NamedTuple):
+    """What was found."""
+
+    points: tuple[Point, ...]
+    firsts: tuple[First, ...]
+    shown: tuple[Shown, ...]
+    gaps: dict[int, float]  # spp -> RMSE on a screen between the two precisions, of the same samples
+    left_out: tuple[tuple[str, str], ...]  # what, and why
+    interrupted: bool
+
+
+class _Task:
+    """One point while it is measured."""
+
+    def __init__(self, subject: Subject, step: float, peak: int) -> None:
+        self.subject, self.step, self.peak = subject, step, peak
+        self.times: list[float] = []
+        self.whole: list[float] = []  # s: with the comparison
+        self.errors: list[Comparison] = []
+        self.rays, self.spp = 0, 0.0
+
+    def point(self) -> Point:
+        """Put the rounds together."""
+        squares = np.mean([[e.rmse**2, e.rmse_srgb**2] for e in self.errors], axis=0)
+        bias = np.mean([e.bias for e in self.errors], axis=0)
+        return Point(
+            way=self.subject.way,
+            step=self.step,
+            spp=self.spp,
+            times=tuple(self.times),
+            rays=self.rays,
+            peak_bytes=self.peak,
+            rmse=float(np.sqrt(squares[0])),
+            rmse_srgb=float(np.sqrt(squares[1])),
+            relative_mse=float(np.mean([e.relative_mse for e in self.errors])),
+            bias=(float(bias[0]), float(bias[1]), float(bias[2])),
+            worst_tile=max(e.worst_tile for e in self.errors),
+            ssim=float(np.mean([e.ssim for e in self.errors])),
+        )
+
+
+class Sweep:
+    """Measures ways of drawing a scene against a reference.
+
+    Parameters
+    ----------
+    scene : Scene
+    size : (width, height), pixels
+    reference : Reference
+    seconds : float
+        To measure in; compilation doesn't count.
+    progress : callable
+        Is told the share that is done and the rays traced.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        size: tuple[int, int],
+        reference: Reference,
+        seconds: float,
+        progress: Callable[[float, int], None],
+    ) -> None:
+        self.scene, self.size, self.reference, self.progress = scene, size, reference, progress
+        self.began = time.perf_counter()
+        self.end, self.seconds = self.began + seconds, seconds
+        self.tasks: list[_Task] = []
+        self.firsts: list[First] = []
+        self.shown: list[Shown] = []
+        self.left_out: dict[str, tuple[list[str], str]] = {}
+        self.gaps: dict[int, float] = {}
+        self._twins: dict[int, NDArray[np.float32]] = {}
+        self._rays = 0
+
+    def run(self, ways: Sequence[Way]) -> Measured:
+        """Measure what there is time for."""
+        interrupted = False
+        try:
+            subjects = [subject for way in ways if (subject := self._first(way))]
+            self._first_round(subjects)
+            for number in range(1, ROUNDS):
+                for task in self.tasks:
+                    self._draw(task, number)
+        except KeyboardInterrupt:
+            interrupted = True
+        measured = sorted((task for task in self.tasks if task.errors), key=lambda task: ways.index(task.subject.way))
+        points = tuple(task.point() for task in measured)
+        left_out = tuple((f"{name}: {', '.join(steps)}", why) for name, (steps, why) in self.left_out.items())
+        return Measured(points, tuple(self.firsts), tuple(self.shown), self.gaps, left_out, interrupted)
+
+    # --- parts --------------------------------------------------------------------------------------------------------
+
+    def _first(self, way: Way) -> Subject | None:
+        """Draw a way's first picture: what it compiles and allocates is seen here, and its speed guessed."""
+        if time.perf_counter() > self.end:
+            self._leave_out(way, steps_of(way), self._late())
+            return None
+        began = time.perf_counter()
+        subject = Subject(self.scene, way, self.size)
+        step = steps_of(way)[0] if way.adaptive else FIRST_SPP
+        compiling = float(_whole(subject.draw(step, self._seed(0))).stats["compile_seconds"])
+        warm = time.perf_counter()
+        self.end += compiling
+        tracemalloc.start()
+        try:
+            _whole(subject.draw(step, self._seed(0)))
+            peak = tracemalloc.get_traced_memory()[1] + subject.table_bytes
+        finally:
+            tracemalloc.stop()
+        self.firsts.append(First(way, warm - began, compiling, time.perf_counter() - warm, peak))
+        self._tell()
+        return subject
+
+    def _first_round(self, subjects: Sequence[Subject]) -> None:
+        """Draw each point once, from few samples to many, as long as there is time for all its rounds."""
+        peaks = {first.way: first.peak_bytes for first in self.firsts}
+        rates = {first.way: first.again / FIRST_SPP for first in self.firsts}
+        rungs = [[(s, step) for step in steps_of(s.way)] for s in subjects]
+        order = sorted((k, i) for i, rung in enumerate(rungs) for k in range(len(rung)))
+        closed: dict[Way, str] = {}
+        last: dict[Way, _Task] = {}
+        for k, i in order:
+            subject, step = rungs[i][k]
+            way = subject.way
+            if way in last:
+                grown = GROWTH if way.adaptive else step / last[way].step
+                forecast = grown * last[way].times[0] + last[way].whole[0] - last[way].times[0]
+            else:
+                forecast = rates[way] * (FIRST_SPP if way.adaptive else step)
+            if way not in closed and time.perf_counter() + self._owed() + ROUNDS * forecast > self.end:
+                closed[way] = self._late()
+            if way in closed:
+                self._leave_out(way, [step], closed[way])
+                continue
+            last[way] = task = _Task(subject, step, peaks[way])
+            self._draw(task, 0)
+            if task.errors[0].rmse_srgb < AHEAD * self.reference.error:
+                closed[way] = self._unjudged()
+                self._leave_out(way, [step], closed[way])
+            else:
+                self.tasks.append(task)
+
+    def _draw(self, task: _Task, number: int) -> None:
+        began = time.perf_counter()
+        image = _whole(task.subject.draw(task.step, self._seed(number)))
+        task.times.append(time.perf_counter() - began)
+        task.errors.append(compare(image, self.reference.rgb))
+        task.rays = sum(image.stats["rays"].values())
+        task.spp = image.stats["samples"] / image.stderr.size
+        if number == 0:
+            self._show(task, image)
+            self._pair(task, image)
+        task.whole.append(time.perf_counter() - began)
+        self._rays += task.rays
+        self._tell()
+
+    def _show(self, task: _Task, image: Render) -> None:
+        way = task.subject.way
+        if way.adaptive or task.step in SHOWN_SPP:
+            error = np.abs(screen(image.rgb) - screen(self.reference.rgb)).max(axis=2)
+            step = f"error {task.step:g}" if way.adaptive else f"{task.step:g} spp"
+            self.shown.append(Shown(f"{way.name}, {step}", srgb8(image.rgb), error.astype(np.float32)))
+
+    def _pair(self, task: _Task, image: Render) -> None:
+        """Compare both precisions where they drew the same samples."""
+        way, spp = task.subject.way, int(task.step)
+        if way.sampler == "sobol" and way.usual and not way.adaptive:
+            twin = self._twins.pop(spp, None)
+            if twin is None:
+                self._twins[spp] = image.rgb
+            else:
+                self.gaps[spp] = float(np.sqrt(np.mean((screen(twin) - screen(image.rgb)) ** 2)))
+
+    # --- time ---------------------------------------------------------------------------------------------------------
+
+    def _owed(self) -> float:
+        """Seconds that the later rounds of what was begun will take."""
+        return sum((ROUNDS - 1) * task.whole[0] for task in self.tasks)
+
+    def _seed(self, number: int) -> int:
+        return (self.scene.settings.seed + number) % (MAX_SEED + 1)
+
+    def _tell(self) -> None:
+        owed = ROUNDS * len(self.tasks)
+        done = sum(len(task.times) for task in self.tasks)
+        passed = 1 - (self.end - time.perf_counter()) / self.seconds
+        self.progress(min(1.0, max(passed, done / owed - 1 if owed else 0.0)), self._rays)
+
+    def _leave_out(self, way: Way, steps: Sequence[float], why: str) -> None:
+        unit = "error " if way.adaptive else ""
+        texts = [f"{unit}{step:g}{'' if way.adaptive else ' spp'}" for step in steps]
+        self.left_out.setdefault(way.name, ([], why))[0].extend(texts)
+
+    def _late(self) -> str:
+        return "no time was left for it; a larger budget has some"
+
+    def _unjudged(self) -> str:
+        return (
+            f"the reference, itself off by {self.reference.error:.1e}, can't judge so small an error; "
+            "a larger budget makes a better one"
+        )
+
+
+def _whole(image: Render) -> Render:
+    if image.interrupted:
+        raise KeyboardInterrupt
+    return image

@@ -1,0 +1,111 @@
+"""Plots of a sweep, by matplotlib: error against time with the Pareto front, and error against samples."""
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from raytrace.errors import RaytraceError
+from raytrace.report.analysis import Order, curves_of
+from raytrace.report.measure import Point
+from raytrace.report.ways import Way
+
+COLOURS = {"sobol": "#0072b2", "stratified": "#009e73", "independent": "#d55e00"}  # told apart by the colour-blind
+SIZE, DPI = (9.6, 6.0), 110  # inches; dots per inch of the PNG
+STYLE: Any = {
+    "font.size": 13,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "svg.hashsalt": "raytrace",
+    "figure.constrained_layout.use": True,
+}
+
+
+def check_matplotlib() -> None:
+    """Find out before time is spent on measuring.
+
+    Raises
+    ------
+    RaytraceError
+        matplotlib isn't installed.
+    """
+    try:
+        import matplotlib as mpl  # noqa: F401
+    except ImportError:
+        raise RaytraceError('a report needs matplotlib: pip install "raytrace[report]"') from None
+
+
+def plots(points: Sequence[Point], front: Sequence[bool], orders: Sequence[Order], title: str) -> dict[str, bytes]:
+    """Draw both plots, each as PNG and as SVG; the files' content by name."""
+    import matplotlib as mpl
+
+    files: dict[str, bytes] = {}
+    with mpl.rc_context(STYLE):
+        for name, figure in (
+            ("error-against-time", _against_time(points, front, title)),
+            ("error-against-samples", _against_samples(points, orders, title)),
+        ):
+            for kind in ("png", "svg"):
+                stream = io.BytesIO()
+                metadata = {"Date": None} if kind == "svg" else {"Software": None}  # the same plot, the same bytes
+                figure.savefig(stream, format=kind, dpi=DPI, metadata=metadata)
+                files[f"{name}.{kind}"] = stream.getvalue()
+    return files
+
+
+def _axes(title: str, x_label: str) -> tuple[Any, Any]:
+    from matplotlib.figure import Figure  # without pyplot: no window system is asked for
+
+    figure = Figure(SIZE)
+    axes = figure.add_subplot()
+    axes.set(xscale="log", yscale="log", title=title, xlabel=x_label, ylabel="RMSE on a screen (sRGB, 0..1)")
+    return figure, axes
+
+
+def _look(way: Way) -> dict[str, Any]:
+    """Colour: sampler; dashes and markers: what else is unusual."""
+    dashes, marker = "-", "o"
+    if way.adaptive:
+        dashes, marker = "-", "*"
+    elif way.precision == "float64":
+        dashes, marker = "--", "s"
+    if way.triangle != "watertight":
+        dashes, marker = ":", "^"
+    if way.tree != "sah":
+        dashes, marker = ":", {"median": "v", "none": "X"}[way.tree]
+    return {"color": COLOURS[way.sampler] if not way.adaptive else "#cc79a7", "linestyle": dashes, "marker": marker}
+
+
+def _against_time(points: Sequence[Point], front: Sequence[bool], title: str) -> Any:
+    figure, axes = _axes(title, "seconds a picture")
+    for way, curve in curves_of(points).items():
+        axes.plot([p.seconds for p in curve], [p.rmse_srgb for p in curve], label=way.name, markersize=6, **_look(way))
+    best = sorted((p.seconds, p.rmse_srgb) for p, kept in zip(points, front, strict=True) if kept)
+    x, y = zip(*best, strict=True)
+    axes.step(x, y, where="post", color="black", linewidth=5, alpha=0.15, label="Pareto front", zorder=0)
+    axes.plot(x, y, "o", markersize=13, markerfacecolor="none", markeredgecolor="black", alpha=0.6)
+    axes.legend(fontsize=10)
+    return figure
+
+
+def _against_samples(points: Sequence[Point], orders: Sequence[Order], title: str) -> Any:
+    figure, axes = _axes(title, "samples per pixel")
+    fits = {order.way: order for order in orders}
+    for way, curve in curves_of(points).items():
+        label = way.name + (f": spp^{fits[way].order:.2f}" if way in fits else "")
+        look = _look(way)
+        axes.plot([p.spp for p in curve], [p.rmse_srgb for p in curve], label=label, **look | {"linestyle": ""})
+        if way in fits:
+            x = np.array([min(p.spp for p in curve), max(p.spp for p in curve)])
+            axes.plot(x, fits[way].at_one * x ** fits[way].order, color=look["color"], linestyle=look["linestyle"])
+    axes.legend(fontsize=10)
+    return figure
+
+
+def heat(error: Any) -> Any:
+    """Colour an (h, w) array of errors on a screen: 1e-4 and below is black, 1 the brightest; (h, w, 3) uint8."""
+    from matplotlib import colormaps
+
+    level = (np.log10(np.maximum(error, 1e-4)) + 4) / 4
+    return (colormaps["inferno"](level)[..., :3] * 255 + 0.5).astype(np.uint8)

@@ -1,0 +1,131 @@
+"""What a sweep found, as text for terminals and as JSON."""
+
+import math
+from typing import Any
+
+from raytrace.report.analysis import Order
+from raytrace.report.measure import First, Point
+from raytrace.report.ways import Way
+
+SCHEMA = "raytrace.report/1"  # of the JSON file; another number where a field changes its meaning or leaves
+HEADER = "", "spp", "s", "Mray/s", "MB", "RMSE", "on screen", "rel. MSE", "bias", "8x8 tile", "SSIM", "efficiency", ""
+LEGEND = """\
+RMSE in linear light, and of the sRGB codes on a screen; bias: of the worst channel; 8x8 tile: the worst, relative;
+efficiency: 1 / (MSE on a screen x s); *: nothing measured is quicker and as accurate."""
+
+
+def cells(point: Point, front: bool) -> list[str]:
+    """One row of the table."""
+    bias = max(point.bias, key=abs)
+    return [
+        point.way.name,
+        f"{point.spp:.4g}",
+        f"{point.seconds:.3g}",
+        f"{point.rays_per_second / 1e6:.1f}",
+        f"{point.peak_bytes / 1e6:.1f}",
+        f"{point.rmse:.2e}",
+        f"{point.rmse_srgb:.2e}",
+        f"{point.relative_mse:.1e}",
+        f"{bias:+.1e}",
+        f"{point.worst_tile:.1e}",
+        f"{point.ssim:.5f}",
+        f"{point.efficiency:.2e}",
+        "*" if front else "",
+    ]
+
+
+def lay_out(rows: list[list[str]]) -> str:
+    """Align columns, the first to the left."""
+    width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = ([text.rjust(n) if k else text.ljust(n) for k, (text, n) in enumerate(zip(row, width, strict=True))]
+             for row in rows)  # fmt: skip
+    return "\n".join("  ".join(line).rstrip() for line in lines)
+
+
+def order_text(order: Order) -> str:
+    """Write an order of convergence with its interval.
+
+    >>> order_text(Order(Way("sobol", "float32"), -0.751, -0.8, -0.7, 0.1, 9))
+    'error ~ spp^-0.751 (95 %: -0.800 .. -0.700)'
+    """
+    return f"error ~ spp^{order.order:.3f} (95 %: {order.low:.3f} .. {order.high:.3f})"
+
+
+def text(report: Any) -> str:
+    """Table, orders, what was left out, and advice; of a ``Report``."""
+    rows = [list(HEADER)]
+    rows += [cells(point, front) for point, front in zip(report.points, report.front, strict=True)]
+    orders = [[order.way.name, order_text(order)] for order in report.orders]
+    firsts = [[first.way.name, f"{first.seconds:.2f} s, {first.compile_seconds:.2f} s of them compiling"]
+              for first in report.firsts]  # fmt: skip
+    parts = [lay_out(rows), LEGEND, report.reference_text]
+    parts += [_list("order of convergence, on a screen", orders), _list("first picture", firsts)]
+    parts.append(_list("left out", [list(row) for row in report.left_out]))
+    parts.append("\n".join(report.advice))
+    return "\n\n".join(part for part in parts if part)
+
+
+def _list(title: str, rows: list[list[str]]) -> str:
+    if not rows:
+        return ""
+    width = max(len(name) for name, _ in rows)
+    return "\n".join([title, *(f"  {name:<{width}}  {rest}" for name, rest in rows)])
+
+
+def as_json(report: Any) -> dict[str, Any]:
+    """All that was measured, of a ``Report``; NaN and infinities are null."""
+    found: dict[str, Any] = {
+        "schema": SCHEMA,
+        "raytrace": report.version,
+        "scene": report.about_scene,
+        "machine": report.machine,
+        "reference": report.about_reference,
+        "budget_seconds": report.budget,
+        "seconds": report.seconds,
+        "complete": not report.interrupted,
+        "points": [_point(point, front) for point, front in zip(report.points, report.front, strict=True)],
+        "first_pictures": [_first(first) for first in report.firsts],
+        "orders": [_order(order) for order in report.orders],
+        "precision_gaps": [{"spp": spp, "rmse_srgb": gap} for spp, gap in sorted(report.gaps.items())],
+        "left_out": [{"what": what, "why": why} for what, why in report.left_out],
+        "advice": list(report.advice),
+    }
+    plain: dict[str, Any] = _plain(found)
+    return plain
+
+
+def _way(way: Way) -> dict[str, Any]:
+    return {"name": way.name, **way._asdict()}
+
+
+def _point(point: Point, front: bool) -> dict[str, Any]:
+    numbers = {name: value for name, value in point._asdict().items() if name not in ("way", "step", "times")}
+    target = point.step if point.way.adaptive else None
+    return {
+        "way": _way(point.way),
+        "target_error": target,
+        **numbers,
+        "bias": list(point.bias),
+        "seconds": point.seconds,
+        "seconds_of_rounds": list(point.times),
+        "rays_per_second": point.rays_per_second,
+        "efficiency": point.efficiency,
+        "pareto": front,
+    }
+
+
+def _first(first: First) -> dict[str, Any]:
+    return {"way": _way(first.way), "seconds": first.seconds, "compile_seconds": first.compile_seconds}
+
+
+def _order(order: Order) -> dict[str, Any]:
+    fitted = {"order": order.order, "low": order.low, "high": order.high}
+    return {"way": _way(order.way), **fitted, "error_at_1_spp": order.at_one, "points": order.points}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _plain(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
