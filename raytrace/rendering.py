@@ -32,6 +32,11 @@ TILE = 32  # pixels: side of a tile
 _stages: WeakKeyDictionary[Scene, dict[str, Stage]] = WeakKeyDictionary()  # of scenes drawn before
 
 
+def set_stage(scene: Scene, stage: Stage) -> None:
+    """Draw a scene on this stage from now on, in the stage's precision."""
+    _stages.setdefault(scene, {})[stage.bvh.precision] = stage
+
+
 class Progress(NamedTuple):
     """One message of a running render."""
 
@@ -109,11 +114,6 @@ def render(
     layers, limit = layers_of(aov), deadline_after(time_limit)
     job = _Job(scene, settings, window, progress or (lambda _: None))
     return job.run(parallel.thread_count(threads), limit, layers)
-
-
-def set_stage(scene: Scene, stage: Stage) -> None:
-    """Draw a scene on this stage from now on, in the stage's precision."""
-    _stages.setdefault(scene, {})[stage.bvh.precision] = stage
 
 
 def _tile_order() -> NDArray[np.uint32]:

@@ -1,7 +1,7 @@
-"""What the points of a sweep say: orders of convergence, the Pareto front, and advice."""
+"""What the points of a sweep say: orders of convergence, the Pareto front, and what an error costs."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -11,8 +11,6 @@ from raytrace.report.measure import Point
 from raytrace.report.ways import Way
 
 CONFIDENCE = 0.95  # of intervals
-NEGLIGIBLE = 1 / 3  # an error this much smaller than another adds 5 % to it: sqrt(1 + 1/9) = 1.05
-NICE = 1.0, 2.0, 5.0  # errors that advice is given for, times powers of ten
 
 
 class Order(NamedTuple):
@@ -68,9 +66,11 @@ def curves_of(points: Iterable[Point]) -> dict[Way, list[Point]]:
 
 
 def orders_of(points: Iterable[Point]) -> list[Order]:
-    """Orders of convergence on a screen, of the ways with three points or more."""
+    """Orders of convergence on a screen, of the usual ways with three points or more."""
     orders = []
     for way, curve in curves_of(points).items():
+        if not way.usual:  # the samples, and so the order, are those of the usual way
+            continue
         good = [point for point in curve if point.rmse_srgb > 0.0]
         if len({point.spp for point in good}) > 2:
             orders.append(fit_order(way, [p.spp for p in good], [p.rmse_srgb for p in good]))
@@ -105,102 +105,3 @@ def needed(curve: Sequence[Point], error: float) -> tuple[float, float] | None:
             share = math.log(p.rmse_srgb / error) / math.log(p.rmse_srgb / q.rmse_srgb)
             return p.spp * (q.spp / p.spp) ** share, p.seconds * (q.seconds / p.seconds) ** share
     return None
-
-
-def nice_errors(points: Sequence[Point]) -> list[float]:
-    """Round numbers within the errors of the points: the large, the middle and the small one."""
-    errors = [point.rmse_srgb for point in points if point.rmse_srgb > 0.0]
-    if not errors:
-        return []
-    low, high = min(errors), max(errors)
-    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    inside = [error for k in decades for n in NICE if low <= (error := float(f"{n:g}e{k}")) <= high]
-    return sorted({inside[0], inside[len(inside) // 2], inside[-1]}, reverse=True) if inside else [high]
-
-
-def advice(points: Sequence[Point], orders: Sequence[Order], gaps: Mapping[int, float]) -> list[str]:
-    """Say in sentences what to use; the first one is the answer for an error in the middle of what was measured."""
-    curves, errors = curves_of(points), nice_errors(points)
-    best = [line for error in errors if (line := _best(curves, error))]
-    if len(best) > 1:
-        best.insert(0, best.pop(len(best) // 2))
-    lines = best[:1] + _precisions(curves, orders, gaps) + _samplers(orders) + _costs(curves)
-    return lines[:1] + best[1:] + lines[1:]
-
-
-def _best(curves: Mapping[Way, Sequence[Point]], error: float) -> str:
-    found = {way: need for way, curve in curves.items() if (need := needed(curve, error))}
-    if not found:
-        return ""
-    way = min(found, key=lambda way: found[way][1])
-    spp, seconds = found[way]
-    return f"For RMSE {error:g} on this scene: {way.name}, {math.ceil(spp - 1e-9)} spp, {_short(seconds)} s."
-
-
-def _ratio(one: Sequence[Point], other: Sequence[Point]) -> float | None:
-    """Median over the steps that both have of time / time of the other."""
-    times = {point.step: point.seconds for point in other}
-    ratios = [point.seconds / times[point.step] for point in one if point.step in times]
-    return float(np.median(ratios)) if ratios else None
-
-
-def _precisions(curves: Mapping[Way, Sequence[Point]], orders: Sequence[Order], gaps: Mapping[int, float]) -> list[str]:
-    single, double = (curves.get(Way("sobol", precision)) for precision in ("float32", "float64"))
-    ratio = _ratio(double, single) if single and double else None
-    if ratio is None:
-        return []
-    line = f"float64 costs {ratio:.2g}x as much time as float32"
-    fits = {fit.way: fit for fit in orders}
-    fit = fits.get(Way("sobol", "float64")) or fits.get(Way("sobol", "float32"))
-    if not gaps or not fit:
-        return [line + "."]
-    gap = gaps[max(gaps)]
-    if gap == 0.0:
-        return [line + " and gives the same picture."]
-    limit = useless_below(fit, gap)
-    if limit < 1:
-        return [line + " and is needed: float32 is off by more than the noise."]
-    return [line + f" and gains nothing below {two_digits(limit)} spp."]
-
-
-def useless_below(fit: Order, gap: float) -> float:
-    """Samples per pixel up to which a difference of precisions is lost in the error of sampling.
-
-    The difference is that of the most samples which both precisions drew; it is assumed not to shrink further.
-    """
-    return float((gap / NEGLIGIBLE / fit.at_one) ** (1 / fit.order)) if fit.order < 0 else math.inf
-
-
-def two_digits(number: float) -> str:
-    """Write a large number with two digits that count.
-
-    >>> two_digits(4123.0), two_digits(37.4)
-    ('4,100', '37')
-    """
-    if not math.isfinite(number):
-        return "any number of"
-    return f"{round(number, 1 - math.floor(math.log10(number))):,.0f}"
-
-
-def _samplers(orders: Sequence[Order]) -> list[str]:
-    plain = [
-        fit for fit in orders if not fit.way.adaptive and (fit.way.triangle, fit.way.tree) == ("watertight", "sah")
-    ]
-    texts = [
-        f"{fit.way.sampler} as spp^{fit.order:.2f}" for fit in plain if fit.way.precision == plain[0].way.precision
-    ]
-    return [f"The error shrinks: {', '.join(texts)}."] if texts else []
-
-
-def _costs(curves: Mapping[Way, Sequence[Point]]) -> list[str]:
-    lines = []
-    for way, curve in curves.items():
-        usual = way._replace(triangle="watertight", tree="sah")
-        if usual != way and usual in curves and (ratio := _ratio(curve, curves[usual])):
-            what = way.name.removeprefix(usual.name + ", ")
-            lines.append(f"{what.capitalize()} costs {ratio:.2g}x as much time as the usual way.")
-    return lines
-
-
-def _short(seconds: float) -> str:
-    return f"{seconds:.2f}" if seconds >= 0.1 else f"{seconds:.2g}"

@@ -13,10 +13,11 @@ from raytrace.image import srgb8
 from raytrace.picture import Render
 from raytrace.records import MAX_SEED, Scene
 from raytrace.report.error import Comparison, compare, screen
-from raytrace.report.reference import AHEAD, Reference
+from raytrace.report.reference import Reference
 from raytrace.report.ways import Subject, Way, steps_of
 
 ROUNDS = 3  # pictures of each point, each with a seed of its own, one after the other in rounds over all points
+JUDGED = 3.0  # times the reference's own error: smaller ones would be overstated by more than sqrt(1 + 1/9), 5 %
 FIRST_SPP = 8  # of the first picture in a way: from here on batches are full, and memory grows no more
 SHOWN_SPP = 1, 16, 256  # samples per pixel of the pictures that are kept to be looked at
 GROWTH = 4.0  # how much longer adaptive sampling may take to the next target: errors that shrink as 1 / sqrt(time)
@@ -208,7 +209,7 @@ class Sweep:
                 continue
             last[way] = task = _Task(subject, step, peaks[way])
             self._draw(task, 0)
-            if task.errors[0].rmse_srgb < AHEAD * self.reference.error:
+            if task.errors[0].rmse_srgb < JUDGED * self.reference.error:
                 closed[way] = self._unjudged()
                 self._leave_out(way, [step], closed[way])
             else:
@@ -269,10 +270,8 @@ class Sweep:
         return "no time was left for it; a larger budget has some"
 
     def _unjudged(self) -> str:
-        return (
-            f"the reference, itself off by {self.reference.error:.1e}, can't judge so small an error; "
-            "a larger budget makes a better one"
-        )
+        off = f"{self.reference.error:.1e}"
+        return f"too accurate for a reference that is itself off by {off}; a larger budget makes a better one"
 
 
 def _whole(image: Render) -> Render:

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from raytrace import image
 from raytrace.errors import FileError, OptionError
 from raytrace.jit import cache_folder
-from raytrace.records import MAX_SEED, Scene
+from raytrace.records import MAX_SEED, MAX_SPP, Scene
 from raytrace.rendering import Progress, render
 from raytrace.report.error import screen
 
 AHEAD = 10.0  # the reference is so many times more accurate than what it judges
-RUNGS = tuple(4**k for k in range(2, 9))  # 16 .. 65,536 samples per pixel of each half
+START, STEP = 16, 4  # samples per pixel of each half: at first, and how many times more up to `PILOT`
+ORDER = 0.75  # error ~ spp^-order near edges, by which the samples that are needed are guessed
 PILOT = 256  # samples per pixel: the best picture that is judged
 KEPT = "error", "pilot", "spp", "seconds"  # beside the picture, in the cache
 SEED_STEP = 0x9E3779B9  # golden ratio of 2^32: the halves' seeds are far from those that are judged
@@ -86,22 +87,35 @@ def make_reference(
 
     Notes
     -----
-    Each rung has four times the samples of the last, until the error is a tenth of that of a picture of `PILOT`
-    samples, or the next rung would take too long. What was drawn is kept in the cache, and a later call goes on from
-    its rung.
+    It is drawn with ever more samples, until its error is a tenth of that of a picture of `PILOT` samples, or drawing
+    it once more would take too long. What was drawn is kept in the cache, and a later call goes on from there.
     """
     path = cache_folder() / "references" / f"{scene.sha256[:24]}-{size[0]}x{size[1]}.npz"
     known = _from_cache(path, size)
     left = seconds
-    for spp in RUNGS:
-        if known and (known.enough or 4 * known.seconds > left):
-            break
-        if known is None or 2 * spp > known.spp:
-            known = _rung(scene, size, spp, known, partial(progress, 1 - left / seconds))
-            left -= known.seconds
-            _keep(path, known)
-    assert known is not None
+    while known is None or (spp := next_spp(known, left)):
+        known = _rung(scene, size, START if known is None else spp, known, partial(progress, 1 - left / seconds))
+        left -= known.seconds
+        _keep(path, known)
     return known
+
+
+def next_spp(known: Reference, seconds: float) -> int:
+    """Samples per pixel of each half that the next attempt should have; 0: what is known is enough, or time is short.
+
+    >>> known = Reference(np.zeros((1, 1, 3), np.float32), 1e-4, 2e-4, 512, 3.0, "drawn")  # wanted: 2e-5
+    >>> next_spp(known, 100.0), next_spp(known, 30.0), next_spp(known, 5.0)
+    (4096, 2048, 0)
+    """
+    half = known.spp // 2
+    affordable = half * seconds / max(known.seconds, 1e-9)
+    if half < PILOT:
+        return STEP * half if affordable >= STEP * half else 0
+    if known.enough:
+        return 0
+    wanted = half * (known.error * AHEAD / known.pilot) ** (1 / ORDER)
+    spp = 2 ** min(math.ceil(math.log2(wanted)), math.floor(math.log2(max(affordable, 1.0))))
+    return min(spp, MAX_SPP) if min(spp, MAX_SPP) > half else 0
 
 
 def _rung(

@@ -1,0 +1,131 @@
+"""Sentences about what to use on a scene, computed from what was measured."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from raytrace.report.analysis import Order, curves_of, needed
+from raytrace.report.measure import Point
+from raytrace.report.ways import Way
+
+NEGLIGIBLE = 1 / 3  # an error this much smaller than another adds 5 % to it: sqrt(1 + 1/9) = 1.05
+WORSE = 1.05  # times the error of the usual way: said aloud from here on
+NICE = 1, 2, 5  # errors that advice is given for, times powers of ten
+Curves = Mapping[Way, Sequence[Point]]
+
+
+def advice(points: Sequence[Point], orders: Sequence[Order], gaps: Mapping[int, float]) -> list[str]:
+    """Say what to use; the first sentence is the answer for an error in the middle of what was measured.
+
+    Parameters
+    ----------
+    points : sequence of Point
+        The first one's precision is what the scene is drawn in by default.
+    orders : sequence of Order
+    gaps : mapping of int to float
+        Samples per pixel to the RMSE on a screen between both precisions.
+
+    Returns
+    -------
+    list of str
+    """
+    curves = curves_of(points)
+    best = [line for error in nice_errors(points) if (line := _best(curves, error))]
+    if len(best) > 1:
+        best.insert(0, best.pop(len(best) // 2))
+    precisions = _precisions(curves, orders, gaps)
+    if best and precisions:
+        best[0] = f"{best[0]}; {precisions}"
+    return [f"{line}." for line in (*best, *_samplers(orders), *_costs(curves))]
+
+
+def nice_errors(points: Sequence[Point]) -> list[float]:
+    """Round numbers within the errors of the points: the large, the middle and the small one."""
+    errors = [point.rmse_srgb for point in points if point.rmse_srgb > 0.0]
+    if not errors:
+        return []
+    low, high = min(errors), max(errors)
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    inside = [error for k in decades for n in NICE if low <= (error := float(f"{n:g}e{k}")) <= high]
+    return sorted({inside[0], inside[len(inside) // 2], inside[-1]}, reverse=True) if inside else [high]
+
+
+def _best(curves: Curves, error: float) -> str:
+    """Name the quickest way that a user can choose; in the default precision, where that gets there."""
+    found = {way: need for way, curve in curves.items() if way.usual and (need := needed(curve, error))}
+    default = next(iter(curves)).precision
+    found = {way: need for way, need in found.items() if way.precision == default} or found
+    if not found:
+        return ""
+    way = min(found, key=lambda way: found[way][1])
+    spp, seconds = found[way]
+    sampler = f"{way.sampler}, adaptive" if way.adaptive else way.sampler
+    used = f"{math.ceil(spp - 1e-9)} spp, {way.precision}"  # 64.0000000001 is 64
+    return f"For RMSE {error:g} on this scene: {sampler}, {used}, {seconds:{'.2f' if seconds >= 0.1 else '.2g'}} s"
+
+
+def _ratio(one: Sequence[Point], other: Sequence[Point]) -> float | None:
+    """Median over the steps that both have of time / time of the other."""
+    times = {point.step: point.seconds for point in other}
+    ratios = [point.seconds / times[point.step] for point in one if point.step in times]
+    return float(np.median(ratios)) if ratios else None
+
+
+def _precisions(curves: Curves, orders: Sequence[Order], gaps: Mapping[int, float]) -> str:
+    single, double = (curves.get(Way("sobol", precision)) for precision in ("float32", "float64"))
+    ratio = _ratio(double, single) if single and double else None
+    if ratio is None:
+        return ""
+    cost = f"float64 costs {ratio:.2g}x"
+    fits = {fit.way: fit for fit in orders}
+    fit = fits.get(Way("sobol", "float64")) or fits.get(Way("sobol", "float32"))
+    if not gaps or not fit:
+        return cost
+    gap = gaps[max(gaps)]
+    limit = useless_below(fit, gap)
+    if gap == 0.0 or not math.isfinite(limit):
+        return f"{cost} and gains nothing"
+    if limit < 1:
+        return f"{cost} and is needed: float32 is off by more than the noise"
+    return f"{cost} and gains nothing below {two_digits(limit)} spp"
+
+
+def useless_below(fit: Order, gap: float) -> float:
+    """Samples per pixel up to which a difference of precisions is lost in the error of sampling.
+
+    The difference is that of the most samples which both precisions drew; it is assumed not to shrink further.
+    """
+    if fit.order >= 0 or gap == 0:
+        return math.inf
+    return float((gap / NEGLIGIBLE / fit.at_one) ** (1 / fit.order))
+
+
+def two_digits(number: float) -> str:
+    """Write a large number with two digits that count.
+
+    >>> two_digits(4123.0), two_digits(37.4)
+    ('4,100', '37')
+    """
+    return f"{round(number, 1 - math.floor(math.log10(number))):,.0f}"
+
+
+def _samplers(orders: Sequence[Order]) -> list[str]:
+    plain = [fit for fit in orders if not fit.way.adaptive]
+    default = [fit for fit in plain if fit.way.precision == plain[0].way.precision]
+    texts = [f"{fit.way.sampler} as spp^{fit.order:.2f}" for fit in default]
+    return [f"The error shrinks: {', '.join(texts)}"] if texts else []
+
+
+def _costs(curves: Curves) -> list[str]:
+    names = {"median": "a median split", "none": "no tree"}
+    texts = []
+    for way, curve in curves.items():
+        usual = curves.get(way._replace(triangle="watertight", tree="sah"))
+        if way.usual or not usual or (ratio := _ratio(curve, usual)) is None:
+            continue
+        known = {point.step: point.rmse_srgb for point in usual}
+        worse = max((p.rmse_srgb / known[p.step] for p in curve if known.get(p.step)), default=1.0)
+        what = names.get(way.tree, way.triangle)
+        texts.append(f"{what} costs {ratio:.2g}x" + (f" and errs {worse:.2g}x as much" if worse > WORSE else ""))
+    return [f"Beside the usual way, {', '.join(texts)}"] if texts else []

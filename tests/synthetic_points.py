@@ -1,0 +1,20 @@
+"""Points of a sweep whose errors and times are formulas."""
+
+from collections.abc import Callable
+
+from raytrace.report.measure import Point
+from raytrace.report.ways import Way
+
+SOBOL, STRATIFIED, DOUBLE = Way("sobol", "float32"), Way("stratified", "float32"), Way("sobol", "float64")
+
+
+def point(way: Way, spp: float, seconds: float, error: float) -> Point:
+    """Three rounds, of which the middle one took `seconds`."""
+    times = (seconds / 2, seconds, 3 * seconds)
+    bias = (error / 10, -error / 5, 0.0)
+    return Point(way, spp, spp, times, int(2000 * spp), 1_000_000, 2 * error, error, error**2, bias, 0.1, 0.9)
+
+
+def curve(way: Way, error: Callable[[float], float], seconds: float, steps: tuple[int, ...] = (1, 4, 16, 64)) -> list:
+    """Points at `steps` samples per pixel; `seconds` is the time of a sample."""
+    return [point(way, spp, seconds * spp, error(spp)) for spp in steps]

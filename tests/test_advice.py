@@ -1,0 +1,75 @@
+"""Sentences from points whose best answer is known."""
+
+import pytest
+
+from raytrace.report.advice import advice, nice_errors, useless_below
+from raytrace.report.analysis import fit_order, orders_of
+from raytrace.report.ways import Way
+from synthetic_points import DOUBLE, SOBOL, STRATIFIED, curve
+
+MOLLER, BRUTE = Way("sobol", "float32", triangle="moller-trumbore"), Way("sobol", "float32", tree="none")
+
+
+def sentences(points, gaps=None):
+    return advice(points, orders_of(points), gaps or {})
+
+
+def test_the_first_sentence_names_the_quickest_way_and_what_float64_costs():
+    points = curve(SOBOL, lambda n: 0.1 / n, 0.01) + curve(DOUBLE, lambda n: 0.1 / n, 0.019)
+    points += curve(STRATIFIED, lambda n: 0.1 / n**0.5, 0.01)
+    told = sentences(points, {64: 1e-5})
+    # 0.1 / n = 0.02 needs 5 spp; a third of the error is the gap where 0.1 / n = 3e-5
+    assert told[0] == (
+        "For RMSE 0.02 on this scene: sobol, 5 spp, float32, 0.05 s; "
+        "float64 costs 1.9x and gains nothing below 3,300 spp."
+    )
+    assert "The error shrinks: sobol as spp^-1.00, stratified as spp^-0.50." in told
+
+
+def test_a_quicker_sampler_wins_where_it_gets_there():
+    points = curve(SOBOL, lambda n: 0.1 / n, 1.0) + curve(STRATIFIED, lambda n: 0.1 / n, 0.5)
+    assert all("stratified" in line for line in sentences(points)[:3])
+
+
+def test_only_what_a_user_can_choose_is_recommended():
+    points = curve(SOBOL, lambda n: 0.1 / n, 1.0) + curve(MOLLER, lambda n: 0.1 / n, 0.1)
+    points += curve(BRUTE, lambda n: 0.1 / n, 7.0)
+    told = sentences(points)
+    assert "sobol, 5 spp, float32, 5.00 s" in told[0]
+    assert told[-1] == "Beside the usual way, moller-trumbore costs 0.1x, no tree costs 7x."
+
+
+def test_a_test_that_loses_triangles_is_told_by_its_error():
+    points = curve(SOBOL, lambda n: 0.1 / n, 1.0) + curve(MOLLER, lambda n: 0.1, 1.0)
+    assert sentences(points)[-1] == "Beside the usual way, moller-trumbore costs 1x and errs 64x as much."
+
+
+def test_float64_is_recommended_where_float32_never_gets_there():
+    points = curve(SOBOL, lambda n: 0.1, 1.0) + curve(DOUBLE, lambda n: 0.1 / n, 2.0)
+    told = sentences(points, {64: 0.1})
+    assert "sobol, 5 spp, float64" in told[0]
+    assert told[0].endswith("; float64 costs 2x and is needed: float32 is off by more than the noise.")
+
+
+def test_equal_pictures_in_both_precisions_make_float64_useless():
+    points = curve(SOBOL, lambda n: 0.1 / n, 1.0) + curve(DOUBLE, lambda n: 0.1 / n, 2.0)
+    assert sentences(points, {64: 0.0})[0].endswith("; float64 costs 2x and gains nothing.")
+
+
+@pytest.mark.parametrize("order", [-0.5, -1.0])
+def test_the_difference_of_precisions_is_a_third_of_the_error_there(order):
+    fit = fit_order(SOBOL, [1, 4, 16], [0.2 * n**order for n in (1, 4, 16)])
+    spp = useless_below(fit, 1e-4)
+    assert 0.2 * spp**order == pytest.approx(3e-4)
+
+
+def test_errors_are_round_numbers_inside_what_was_measured():
+    assert nice_errors(curve(SOBOL, lambda n: 0.1 / n, 1.0)) == [0.1, 0.02, 0.002]
+    assert nice_errors(curve(SOBOL, lambda n: 0.03, 1.0)) == [0.03]
+    assert nice_errors(curve(SOBOL, lambda n: 0.0, 1.0)) == []
+
+
+def test_a_single_point_still_gets_a_sentence():
+    assert sentences(curve(SOBOL, lambda n: 0.03, 0.5, (4,))) == [
+        "For RMSE 0.03 on this scene: sobol, 4 spp, float32, 2.00 s."
+    ]
