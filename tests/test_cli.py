@@ -368,3 +368,72 @@ def test_pictures_of_different_size_differ(tmp_path, capsys):
 def test_warmup_leaves_nothing_to_compile(capsys):
     assert cli.main(["warmup"]) == 0
     assert capsys.readouterr().out.startswith("kernels ready after ")
+
+
+# report ---------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def measured(library, monkeypatch):
+    """Report that is asked and notes it, but measures nothing."""
+
+    class Found(SimpleNamespace):
+        def __str__(self):
+            return "the table"
+
+    def report(scene, folder, **options):
+        library.asked.append((scene.source, folder, options))
+        options.pop("progress")(Event("rendering", 4, 4, 8_000_000, 2.0))
+        return library.found
+
+    library.found = Found(files=(Path("out/report.json"), Path("out/report.html")), interrupted=False)
+    monkeypatch.setattr("raytrace.report.sweep.report", report)
+    return library
+
+
+def test_report_prints_the_table_and_the_page_last(measured, capsys):
+    assert cli.main(["report", "box.json", "-o", "out"]) == 0
+    assert measured.asked == [(Path("box.json"), Path("out"), {"reference": None, "budget": 60.0, "size": None})]
+    assert capsys.readouterr().out.splitlines() == ["the table", "out/report.json", "out/report.html"]
+
+
+def test_options_of_a_report_reach_it(measured):
+    words = ["--reference", "truth.exr", "--budget", "7.5", "--size", "64x48"]
+    assert cli.main(["report", "box.json", "-o", "out", *words]) == 0
+    assert measured.asked[0][2] == {"reference": Path("truth.exr"), "budget": 7.5, "size": (64, 48)}
+
+
+def test_an_interrupted_report_leaves_with_130(measured):
+    measured.found.interrupted = True
+    assert cli.main(["report", "box.json", "-o", "out"]) == 130
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["-o", "out"], "report: which scene?"),
+        (["box.json"], "-o/--output"),
+        (["box.json", "-o", "out", "--budget", "0"], "expected a number from 1"),
+        (["box.json", "-o", "out", "--size", "64"], "WxH"),
+    ],
+)
+def test_a_wrong_report_says_what_was_expected(measured, capsys, words, told):
+    try:
+        code = cli.main(["report", *words])
+    except SystemExit as left:
+        code = left.code
+    assert code == 2
+    assert told in capsys.readouterr().err
+    assert not measured.asked
+
+
+def test_every_limit_of_a_comparison_is_an_option(tmp_path, capsys):
+    dark, light = np.full((16, 16, 3), 0.1, np.float32), np.full((16, 16, 3), 0.9, np.float32)
+    np.savez(tmp_path / "dark.npz", rgb=dark)
+    np.savez(tmp_path / "light.npz", rgb=light)
+    pair = ["compare", str(tmp_path / "light.npz"), str(tmp_path / "dark.npz")]
+    for option in ("rmse", "rmse-srgb", "relative-mse", "bias", "worst-tile", "outliers"):
+        assert cli.main([*pair, f"--max-{option}", "0.01"]) == 5
+        assert len(capsys.readouterr().err.splitlines()) == (3 if option == "bias" else 1)
+    assert cli.main([*pair, "--min-ssim", "0.999"]) == 5
+    assert cli.main(pair) == 0

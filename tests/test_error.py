@@ -69,6 +69,21 @@ def test_means_are_those_of_a_plain_loop():
         assert c.relative_bias[channel] == pytest.approx(bias / b[:, :, channel].mean(), rel=1e-9)
 
 
+def test_the_error_on_a_screen_is_that_of_what_it_shows():
+    a, b = pair()
+    a[3, 4], b[3, 4] = (7.0, -1.0, 0.2), (1.0, 0.0, 0.2)  # on a screen these are equal
+    codes = [image.srgb_encode(np.clip(x, 0, 1)) for x in (a, b)]
+    expected = np.sqrt(np.mean((codes[0] - codes[1]) ** 2))
+    assert compare(a, b).rmse_srgb == pytest.approx(expected, rel=1e-12)
+    assert np.all(codes[0][3, 4] == codes[1][3, 4])
+    assert compare(a, b).rmse > 0.1
+
+
+def test_the_order_of_pixels_in_memory_changes_no_bit():
+    a, b = pair()
+    assert compare(np.asfortranarray(a), b) == compare(a, np.asfortranarray(b)) == compare(a, b)
+
+
 def test_outliers_are_those_of_a_plain_loop():
     a, b = pair()
     level = float((b @ image.LUMINANCE).mean())
@@ -121,7 +136,7 @@ def test_a_picture_without_a_finite_pixel_breaks_every_limit():
     c = compare(np.full((4, 4, 3), np.nan), np.ones((4, 4, 3)))
     assert c.non_finite == 16
     assert np.isnan(c.rmse)
-    assert len(violations(c, Limits(1.0, 0.0, 1.0, 1.0, 1.0))) == 8
+    assert len(violations(c, Limits(1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0))) == 10
 
 
 def test_light_against_a_black_reference_is_infinitely_biased():
@@ -134,8 +149,9 @@ def test_light_against_a_black_reference_is_infinitely_biased():
 
 def test_each_broken_limit_gives_one_line():
     c = compare(np.full((16, 16, 3), 0.6), np.full((16, 16, 3), 0.5))
-    limits = Limits(max_rmse=0.05, min_ssim=0.9999, max_bias=0.1, max_worst_tile=0.1, max_outliers=0.5)
-    assert [line.split()[0] for line in violations(c, limits)] == ["rmse", *["relative"] * 3, "worst", "share", "ssim"]
+    limits = Limits(0.05, 0.9999, 0.1, max_worst_tile=0.1, max_outliers=0.5, max_rmse_srgb=0.01, max_relative_mse=0.01)
+    names = ["rmse", "rmse_srgb", "relative_mse", *["relative"] * 3, "worst", "share", "ssim"]
+    assert [line.split()[0] for line in violations(c, limits)] == names
     assert violations(c, Limits(max_rmse=0.2, min_ssim=0.9, max_bias=0.3, max_worst_tile=0.3)) == []
     assert violations(c, Limits()) == []
 

@@ -66,9 +66,9 @@ def _best(curves: Curves, error: float) -> str:
 
 
 def _ratio(one: Sequence[Point], other: Sequence[Point]) -> float | None:
-    """Median over the steps that both have of time / time of the other."""
-    times = {point.step: point.seconds for point in other}
-    ratios = [point.seconds / times[point.step] for point in one if point.step in times]
+    """Median of time / time of the other, over all rounds of the steps that both have."""
+    known = {point.step: point.times for point in other}
+    ratios = [a / b for p in one if p.step in known for a, b in zip(p.times, known[p.step], strict=False)]
     return float(np.median(ratios)) if ratios else None
 
 

@@ -207,7 +207,7 @@ def _light(picture: Any, name: str) -> NDArray[np.float64]:
         raise ValueError(
             f"{name}: expected linear radiance, (height, width, 3) float, got {array.shape} {array.dtype.name}"
         )
-    return array.astype(np.float64)
+    return array.astype(np.float64, order="C")  # sums are added in the same order wherever a picture comes from
 
 
 def _ratio(x: float, y: float) -> float:

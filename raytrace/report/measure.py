@@ -14,7 +14,7 @@ from raytrace.picture import Render
 from raytrace.records import MAX_SEED, Scene
 from raytrace.report.error import Comparison, compare, screen
 from raytrace.report.reference import Reference
-from raytrace.report.ways import Subject, Way, steps_of
+from raytrace.report.ways import Subject, Way, steps_of, weight_of
 
 ROUNDS = 3  # pictures of each point, each with a seed of its own, one after the other in rounds over all points
 JUDGED = 3.0  # times the reference's own error: smaller ones would be overstated by more than sqrt(1 + 1/9), 5 %
@@ -137,19 +137,19 @@ class Sweep:
         progress: Callable[[float, int], None],
     ) -> None:
         self.scene, self.size, self.reference, self.progress = scene, size, reference, progress
-        self.began = time.perf_counter()
-        self.end, self.seconds = self.began + seconds, seconds
+        self.end = time.perf_counter() + seconds
         self.tasks: list[_Task] = []
         self.firsts: list[First] = []
         self.shown: list[Shown] = []
         self.left_out: dict[str, tuple[list[str], str]] = {}
         self.gaps: dict[int, float] = {}
         self._twins: dict[int, NDArray[np.float32]] = {}
-        self._rays = 0
+        self._rays, self._done, self._total = 0, 0.0, 1.0
 
     def run(self, ways: Sequence[Way]) -> Measured:
         """Measure what there is time for."""
         interrupted = False
+        self._total = ROUNDS * sum(weight_of(way, step) for way in ways for step in steps_of(way))
         try:
             subjects = [subject for way in ways if (subject := self._first(way))]
             self._first_round(subjects)
@@ -190,13 +190,13 @@ class Sweep:
         """Draw each point once, from few samples to many, as long as there is time for all its rounds."""
         peaks = {first.way: first.peak_bytes for first in self.firsts}
         rates = {first.way: first.again / FIRST_SPP for first in self.firsts}
-        rungs = [[(s, step) for step in steps_of(s.way)] for s in subjects]
-        order = sorted((k, i) for i, rung in enumerate(rungs) for k in range(len(rung)))
+        order = [(weight_of(s.way, step), i) for i, s in enumerate(subjects) for step in steps_of(s.way)]
+        steps = {s.way: iter(steps_of(s.way)) for s in subjects}
         closed: dict[Way, str] = {}
         last: dict[Way, _Task] = {}
-        for k, i in order:
-            subject, step = rungs[i][k]
-            way = subject.way
+        for _, i in sorted(order):  # the same number of samples in all ways one after the other
+            subject, way = subjects[i], subjects[i].way
+            step = next(steps[way])
             if way in last:
                 grown = GROWTH if way.adaptive else step / last[way].step
                 forecast = grown * last[way].times[0] + last[way].whole[0] - last[way].times[0]
@@ -211,6 +211,7 @@ class Sweep:
             self._draw(task, 0)
             if task.errors[0].rmse_srgb < JUDGED * self.reference.error:
                 closed[way] = self._unjudged()
+                self._done -= weight_of(way, step)
                 self._leave_out(way, [step], closed[way])
             else:
                 self.tasks.append(task)
@@ -227,6 +228,7 @@ class Sweep:
             self._pair(task, image)
         task.whole.append(time.perf_counter() - began)
         self._rays += task.rays
+        self._done += weight_of(task.subject.way, task.step)
         self._tell()
 
     def _show(self, task: _Task, image: Render) -> None:
@@ -256,15 +258,13 @@ class Sweep:
         return (self.scene.settings.seed + number) % (MAX_SEED + 1)
 
     def _tell(self) -> None:
-        owed = ROUNDS * len(self.tasks)
-        done = sum(len(task.times) for task in self.tasks)
-        passed = 1 - (self.end - time.perf_counter()) / self.seconds
-        self.progress(min(1.0, max(passed, done / owed - 1 if owed else 0.0)), self._rays)
+        self.progress(self._done / self._total, self._rays)
 
     def _leave_out(self, way: Way, steps: Sequence[float], why: str) -> None:
         unit = "error " if way.adaptive else ""
         texts = [f"{unit}{step:g}{'' if way.adaptive else ' spp'}" for step in steps]
         self.left_out.setdefault(way.name, ([], why))[0].extend(texts)
+        self._done += ROUNDS * sum(weight_of(way, step) for step in steps)
 
     def _late(self) -> str:
         return "no time was left for it; a larger budget has some"

@@ -18,7 +18,6 @@ STYLE: Any = {
     "axes.grid": True,
     "grid.alpha": 0.3,
     "svg.hashsalt": "raytrace",
-    "figure.constrained_layout.use": True,
 }
 
 
@@ -54,12 +53,19 @@ def plots(points: Sequence[Point], front: Sequence[bool], orders: Sequence[Order
     return files
 
 
-def _axes(title: str, x_label: str) -> tuple[Any, Any]:
+def _axes(points: Sequence[Point], title: str, x_label: str) -> tuple[Any, Any]:
     from matplotlib.figure import Figure  # without pyplot: no window system is asked for
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     figure = Figure(SIZE)
-    axes = figure.add_subplot()
-    axes.set(xscale="log", yscale="log", title=title, xlabel=x_label, ylabel="RMSE on a screen (sRGB, 0..1)")
+    axes = figure.add_axes((0.1, 0.11, 0.87, 0.82))
+    scale = "log" if any(point.rmse_srgb for point in points) else "linear"  # zero has no logarithm
+    axes.set(xscale="log", yscale=scale, title=title, xlabel=x_label, ylabel="RMSE on a screen (sRGB, 0..1)")
+    for axis in (axes.xaxis, axes.yaxis):
+        if axis.get_scale() == "log":
+            axis.set_major_locator(LogLocator(10, subs=(1, 2, 5)))
+            axis.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
+            axis.set_minor_formatter(NullFormatter())
     return figure, axes
 
 
@@ -78,7 +84,7 @@ def _look(way: Way) -> dict[str, Any]:
 
 
 def _against_time(points: Sequence[Point], front: Sequence[bool], title: str) -> Any:
-    figure, axes = _axes(title, "seconds a picture")
+    figure, axes = _axes(points, title, "seconds a picture")
     for way, curve in curves_of(points).items():
         axes.plot([p.seconds for p in curve], [p.rmse_srgb for p in curve], label=way.name, markersize=6, **_look(way))
     best = sorted((p.seconds, p.rmse_srgb) for p, kept in zip(points, front, strict=True) if kept)
@@ -90,7 +96,7 @@ def _against_time(points: Sequence[Point], front: Sequence[bool], title: str) ->
 
 
 def _against_samples(points: Sequence[Point], orders: Sequence[Order], title: str) -> Any:
-    figure, axes = _axes(title, "samples per pixel")
+    figure, axes = _axes(points, title, "samples per pixel")
     fits = {order.way: order for order in orders}
     for way, curve in curves_of(points).items():
         label = way.name + (f": spp^{fits[way].order:.2f}" if way in fits else "")

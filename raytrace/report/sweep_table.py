@@ -35,11 +35,9 @@ def cells(point: Point, front: bool) -> list[str]:
 
 
 def lay_out(rows: list[list[str]]) -> str:
-    """Align columns, the first to the left."""
+    """Align columns to the right."""
     width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    lines = ([text.rjust(n) if k else text.ljust(n) for k, (text, n) in enumerate(zip(row, width, strict=True))]
-             for row in rows)  # fmt: skip
-    return "\n".join("  ".join(line).rstrip() for line in lines)
+    return "\n".join("  ".join(text.rjust(n) for text, n in zip(row, width, strict=True)).rstrip() for row in rows)
 
 
 def order_text(order: Order) -> str:
@@ -48,17 +46,24 @@ def order_text(order: Order) -> str:
     >>> order_text(Order(Way("sobol", "float32"), -0.751, -0.8, -0.7, 0.1, 9))
     'error ~ spp^-0.751 (95 %: -0.800 .. -0.700)'
     """
-    return f"error ~ spp^{order.order:.3f} (95 %: {order.low:.3f} .. {order.high:.3f})"
+    interval = "unknown" if math.isnan(order.low) else f"{order.low:.3f} .. {order.high:.3f}"
+    return f"error ~ spp^{order.order:.3f} (95 %: {interval})"
 
 
 def text(report: Any) -> str:
     """Table, orders, what was left out, and advice; of a ``Report``."""
-    rows = [list(HEADER)]
-    rows += [cells(point, front) for point, front in zip(report.points, report.front, strict=True)]
+    rows = [list(HEADER[1:])]
+    rows += [cells(point, front)[1:] for point, front in zip(report.points, report.front, strict=True)]
+    header, *lines = lay_out(rows).splitlines()
+    table = [header]
+    for k, (point, line) in enumerate(zip(report.points, lines, strict=True)):
+        if k == 0 or point.way != report.points[k - 1].way:
+            table.append(point.way.name)
+        table.append(line)
     orders = [[order.way.name, order_text(order)] for order in report.orders]
     firsts = [[first.way.name, f"{first.seconds:.2f} s, {first.compile_seconds:.2f} s of them compiling"]
               for first in report.firsts]  # fmt: skip
-    parts = [lay_out(rows), LEGEND, report.reference_text]
+    parts = ["\n".join(table), LEGEND, report.reference_text]
     parts += [_list("order of convergence, on a screen", orders), _list("first picture", firsts)]
     parts.append(_list("left out", [list(row) for row in report.left_out]))
     parts.append("\n".join(report.advice))

@@ -71,6 +71,11 @@ def steps_of(way: Way) -> tuple[float, ...]:
     return SPP if way.usual else FEW_SPP
 
 
+def weight_of(way: Way, step: float) -> float:
+    """How much work a step is, beside others: samples per pixel, or a guess of them."""
+    return TARGETS[0] / step * FEW_SPP[0] if way.adaptive else step
+
+
 class Subject:
     """A scene that is drawn in one of the ways, on a tree of its own."""
 

@@ -1,0 +1,64 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raytrace.errors import RaytraceError
+from raytrace.report.analysis import orders_of, pareto
+from raytrace.report.plots import check_matplotlib, heat, plots
+from raytrace.report.ways import Way
+from synthetic_points import DOUBLE, SOBOL, curve
+
+ROOT = Path(__file__).parents[1]
+BRUTE = Way("sobol", "float32", tree="none")
+
+
+def drawn():
+    points = curve(SOBOL, lambda n: 0.1 / n, 0.1) + curve(DOUBLE, lambda n: 0.1 / n, 0.2)
+    points += curve(BRUTE, lambda n: 0.1 / n, 0.5) + curve(
+        Way("sobol", "float32", adaptive=True), lambda n: 0.05 / n, 0.1
+    )
+    return plots(points, pareto(points), orders_of(points), "box")
+
+
+def test_both_plots_come_as_png_and_svg():
+    files = drawn()
+    assert sorted(files) == [
+        "error-against-samples.png", "error-against-samples.svg", "error-against-time.png", "error-against-time.svg",
+    ]  # fmt: skip
+    assert all(files[name].startswith(b"\x89PNG") for name in files if name.endswith(".png"))
+    assert all(b"<svg" in files[name] for name in files if name.endswith(".svg"))
+
+
+def test_the_same_points_give_the_same_bytes():
+    assert drawn() == drawn()
+
+
+def test_points_without_error_or_fit_are_no_problem():
+    points = curve(SOBOL, lambda n: 0.0, 0.1, (1,))
+    assert len(plots(points, [True], [], "black")) == 4
+
+
+def test_no_window_system_is_asked_for():
+    program = """
+import sys
+sys.path[:0] = [".", "tests"]
+from test_plots import drawn
+drawn()
+assert "matplotlib.pyplot" not in sys.modules
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+
+
+def test_without_matplotlib_the_message_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(RaytraceError, match=r'pip install "raytrace\[report\]"'):
+        check_matplotlib()
+
+
+def test_errors_glow_by_their_logarithm():
+    colours = heat(np.array([[0.0, 1e-4, 1e-2, 1.0, 7.0]])).astype(int).sum(axis=2)[0]
+    assert colours[0] == colours[1] < colours[2] < colours[3] == colours[4]

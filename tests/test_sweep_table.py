@@ -1,0 +1,90 @@
+import json
+
+import pytest
+
+from raytrace.report.analysis import fit_order
+from raytrace.report.measure import First
+from raytrace.report.sweep import Report
+from raytrace.report.sweep_table import HEADER, SCHEMA, as_json, text
+from raytrace.report.ways import Way
+from synthetic_points import SOBOL, point
+
+ADAPTIVE = Way("sobol", "float32", adaptive=True)
+
+
+def a_report(**other):
+    points = (point(SOBOL, 4, 0.5, 0.02), point(ADAPTIVE, 0.01, 1.0, 0.01))
+    values = {
+        "version": "1.2.3",
+        "about_scene": {"name": "box", "about": "A box.", "sha256": "ab" * 32, "size": [8, 8],
+                        "triangles": 12, "seed": 0},
+        "machine": {"threads": 2},
+        "about_reference": {"origin": "drawn", "spp": 512, "precision": "float64", "error": 1e-4, "ahead": 100.0,
+                            "seconds": 1.0},
+        "budget": 60.0,
+        "seconds": 12.0,
+        "points": points,
+        "front": (True, False),
+        "orders": (fit_order(SOBOL, [1, 4], [0.04, 0.02]),),
+        "firsts": (First(SOBOL, 2.0, 1.5, 0.1, 1_000_000),),
+        "gaps": {4: 1e-6},
+        "shown": (),
+        "advice": ("Use it.",),
+        "left_out": (("stratified, float32: 256 spp", "no time"),),
+        "files": (),
+        "interrupted": False,
+    }  # fmt: skip
+    return Report(**values | other)
+
+
+def test_the_json_has_these_fields_as_long_as_its_version_stays():
+    found = as_json(a_report())
+    assert found["schema"] == SCHEMA == "raytrace.report/1"
+    assert list(found) == [
+        "schema", "raytrace", "scene", "machine", "reference", "budget_seconds", "seconds", "complete", "points",
+        "first_pictures", "orders", "precision_gaps", "left_out", "advice",
+    ]  # fmt: skip
+    assert set(found["points"][0]) == {
+        "way", "target_error", "spp", "rays", "peak_bytes", "rmse", "rmse_srgb", "relative_mse", "bias", "worst_tile",
+        "ssim", "seconds", "seconds_of_rounds", "rays_per_second", "efficiency", "pareto",
+    }  # fmt: skip
+    assert set(found["points"][0]["way"]) == {"name", "sampler", "precision", "triangle", "tree", "adaptive"}
+    assert set(found["orders"][0]) == {"way", "order", "low", "high", "error_at_1_spp", "points"}
+
+
+def test_the_numbers_are_those_of_the_points():
+    first, second = as_json(a_report())["points"]
+    assert (first["spp"], first["seconds"], first["rmse_srgb"], first["pareto"]) == (4, 0.5, 0.02, True)
+    assert first["efficiency"] == pytest.approx(1 / (0.02**2 * 0.5))
+    assert first["rays_per_second"] == 8000 / 0.5
+    assert first["bias"] == [0.002, -0.004, 0.0]
+    assert (first["target_error"], second["target_error"]) == (None, 0.01)
+
+
+def test_what_json_lacks_is_null():
+    found = as_json(a_report(points=(point(SOBOL, 4, 0.5, 0.0),), front=(True,)))
+    assert json.loads(json.dumps(found, allow_nan=False))["points"][0]["efficiency"] is None
+    assert found["orders"][0]["low"] is None  # two points have no interval
+
+
+def test_the_text_has_a_row_a_point_and_marks_the_front():
+    told = text(a_report())
+    lines = told.splitlines()
+    assert all(name in lines[0] for name in HEADER)
+    assert (lines[1], lines[3]) == ("sobol, float32", "sobol, adaptive, float32")  # a heading each
+    assert (lines[2].endswith("*"), lines[4].endswith("*")) == (True, False)
+    assert "sobol, float32  error ~ spp^-0.500 (95 %: unknown)" in told
+    assert "-4.0e-03" in lines[2]  # the bias of the worst channel
+    assert told.splitlines()[-1] == "Use it."
+    assert "stratified, float32: 256 spp  no time" in told
+    assert "2.00 s, 1.50 s of them compiling" in told
+
+
+def test_the_table_fits_a_terminal():
+    assert max(len(line) for line in text(a_report()).splitlines()[:5]) <= 120
+
+
+@pytest.mark.parametrize(("error", "told"), [(1e-4, "1.0e-04 on a screen"), (None, "its own error isn't known")])
+def test_where_the_truth_came_from_is_said(error, told):
+    about = {"origin": "drawn", "spp": 512, "error": error, "ahead": 12.0}
+    assert told in a_report(about_reference=about).reference_text
