@@ -59,6 +59,11 @@ def test_the_front_holds_what_nothing_beats():
     assert pareto(points) == [True, True, False, True]
 
 
+def test_errors_that_differ_by_rounding_are_no_progress():
+    points = [point(SOBOL, 1, 1.0, 0.1), point(SOBOL, 1, 2.0, 0.0999), point(SOBOL, 1, 3.0, 0.098)]
+    assert pareto(points) == [True, False, True]
+
+
 def test_no_front_has_a_point_that_is_slower_and_worse():
     rng = np.random.default_rng(7)
     points = [point(SOBOL, 1, *numbers) for numbers in rng.integers(1, 9, (60, 2)).astype(float)]

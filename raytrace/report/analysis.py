@@ -11,6 +11,7 @@ from raytrace.report.measure import Point
 from raytrace.report.ways import Way
 
 CONFIDENCE = 0.95  # of intervals
+TIE = 0.01  # relative difference of errors that means nothing
 
 
 class Order(NamedTuple):
@@ -78,17 +79,17 @@ def orders_of(points: Iterable[Point]) -> list[Order]:
 
 
 def pareto(points: Sequence[Point]) -> list[bool]:
-    """Tell for each point whether no other is as quick and as accurate, and better in one of the two."""
+    """Tell for each point whether no other is quicker and as accurate, or as quick and more accurate.
 
-    def beaten(p: Point) -> bool:
-        return any(
-            q.seconds <= p.seconds
-            and q.rmse_srgb <= p.rmse_srgb
-            and (q.seconds, q.rmse_srgb) != (p.seconds, p.rmse_srgb)
-            for q in points
-        )
+    Errors within `TIE` of each other are equal: the same samples through another tree differ in their last bits.
+    """
 
-    return [not beaten(point) for point in points]
+    def beats(q: Point, p: Point) -> bool:
+        if q.seconds == p.seconds:
+            return q.rmse_srgb < p.rmse_srgb
+        return q.seconds < p.seconds and q.rmse_srgb <= (1 + TIE) * p.rmse_srgb
+
+    return [not any(beats(other, point) for other in points) for point in points]
 
 
 def needed(curve: Sequence[Point], error: float) -> tuple[float, float] | None:

@@ -58,9 +58,9 @@ def _axes(points: Sequence[Point], title: str, x_label: str) -> tuple[Any, Any]:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     figure = Figure(SIZE)
-    axes = figure.add_axes((0.1, 0.11, 0.87, 0.82))
+    axes = figure.add_axes((0.12, 0.11, 0.86, 0.82))
     scale = "log" if any(point.rmse_srgb for point in points) else "linear"  # zero has no logarithm
-    axes.set(xscale="log", yscale=scale, title=title, xlabel=x_label, ylabel="RMSE on a screen (sRGB, 0..1)")
+    axes.set(xscale="log", yscale=scale, title=title, xlabel=x_label, ylabel="RMSE on a screen (sRGB)")
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_scale() == "log":
             axis.set_major_locator(LogLocator(10, subs=(1, 2, 5)))
