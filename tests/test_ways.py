@@ -29,7 +29,7 @@ def test_without_a_tree_a_ray_is_tested_against_all_triangles():
     for tree in ("sah", "none"):
         subject = Subject(scene, Way("sobol", "float32", tree=tree), SIZE)
         stage = rendering._stages[subject.scene]["float32"]
-        for name, bvh in (("all", stage.bvh), ("shadow", stage.shadow_bvh)):
+        for name, bvh in (("all", stage.bvh), ("shadow", stage.shadow_bvhs[0])):
             work = bvh.work()
             past = (np.array([[-20.0, 30.0, 10.0]], np.float32), np.array([[-1.0, 0.1, 0.2]], np.float32))
             limits = (np.zeros(1, np.float32), np.full(1, np.inf, np.float32))

@@ -1,7 +1,6 @@
 """The ways of drawing a scene that the report on speed and error compares."""
 
 import inspect
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -98,10 +97,8 @@ class Subject:
         )
 
 
-def _trees(stage: Stage) -> Iterator[BVH]:
-    yield stage.bvh
-    if stage.shadow_bvh is not stage.bvh:
-        yield stage.shadow_bvh
+def _trees(stage: Stage) -> list[BVH]:
+    return list({id(bvh): bvh for bvh in (stage.bvh, *stage.shadow_bvhs)}.values())
 
 
 def _bytes(bvh: BVH) -> int:
