@@ -56,6 +56,14 @@ def test_equal_pictures_in_both_precisions_make_float64_useless():
     assert sentences(points, {64: 0.0})[0].endswith("; float64 costs 2x and gains nothing.")
 
 
+def test_one_ray_that_differs_does_not_make_float64_needed():
+    points = curve(SOBOL, lambda n: 0.1 / n, 1.0) + curve(DOUBLE, lambda n: 0.1 / n, 2.0)
+    assert "nothing below 3,300 spp" in sentences(points, {1: 1e-5, 4: 1e-5, 16: 1e-5, 64: 1e-2})[0]
+    assert sentences(points, {1: 1e-8, 4: 1e-8, 16: 1e-8})[0].endswith(
+        "gains nothing."
+    )  # past the most samples there are
+
+
 @pytest.mark.parametrize("order", [-0.5, -1.0])
 def test_the_difference_of_precisions_is_a_third_of_the_error_there(order):
     fit = fit_order(SOBOL, [1, 4, 16], [0.2 * n**order for n in (1, 4, 16)])

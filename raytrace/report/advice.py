@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from raytrace.records import MAX_SPP
 from raytrace.report.analysis import Order, curves_of, needed
 from raytrace.report.measure import Point
 from raytrace.report.ways import Way
@@ -82,9 +83,8 @@ def _precisions(curves: Curves, orders: Sequence[Order], gaps: Mapping[int, floa
     fit = fits.get(Way("sobol", "float64")) or fits.get(Way("sobol", "float32"))
     if not gaps or not fit:
         return cost
-    gap = gaps[max(gaps)]
-    limit = useless_below(fit, gap)
-    if gap == 0.0 or not math.isfinite(limit):
+    limit = useless_below(fit, float(np.median(list(gaps.values()))))  # one ray that just misses moves one of them
+    if limit > MAX_SPP:
         return f"{cost} and gains nothing"
     if limit < 1:
         return f"{cost} and is needed: float32 is off by more than the noise"
@@ -94,7 +94,7 @@ def _precisions(curves: Curves, orders: Sequence[Order], gaps: Mapping[int, floa
 def useless_below(fit: Order, gap: float) -> float:
     """Samples per pixel up to which a difference of precisions is lost in the error of sampling.
 
-    The difference is that of the most samples which both precisions drew; it is assumed not to shrink further.
+    The difference is the median over all numbers of samples; it is assumed not to shrink with more of them.
     """
     if fit.order >= 0 or gap == 0:
         return math.inf
