@@ -117,7 +117,7 @@ class Wavefront:
             for position, flux in zip(stage.light_position, stage.light_flux, strict=True):
                 self._light(position, flux)
         clock = time.perf_counter()
-        accumulate(self.radiance, sums)
+        accumulate(self.radiance, first, sums)
         self._lap("film", clock)
 
     def _lap(self, name: str, since: float) -> float:
