@@ -8,7 +8,7 @@ CAP = 4096  # samples of a pixel unless the caller says how many
 MEMORY = 0.7  # of what is known of a pixel is kept when a round adds to it: three contrasts alone are too often lucky
 
 
-def hidden(picture: NDArray[np.float64], samples: NDArray[np.int32]) -> NDArray[np.float64]:
+def hidden(picture: NDArray[np.floating], samples: NDArray[np.int32]) -> NDArray[np.float64]:
     """Squared error that n samples may hide though they agree, (h, w): (largest step to a neighbour)^2 / (3 n^3).
 
     An edge that enters the pixel by an area a is missed by n evenly spread samples if a < 1 / n. With areas evenly
@@ -17,16 +17,17 @@ def hidden(picture: NDArray[np.float64], samples: NDArray[np.int32]) -> NDArray[
 
     Parameters
     ----------
-    picture : (h, w, 3) array
+    picture : (h, w, 3) float32 array
         As shown: sRGB, 0..1.
     samples : (h, w) array
     """
     padded = np.pad(picture, ((1, 1), (1, 1), (0, 0)), "edge")
     step = np.maximum(_around(padded, np.maximum) - picture, picture - _around(padded, np.minimum))
-    return (step**2).mean(axis=2) / (3.0 * samples.astype(np.float64) ** 3)
+    step *= step
+    return (step[..., 0] + step[..., 1] + step[..., 2]) / (9.0 * samples.astype(np.float64) ** 3)
 
 
-def _around(padded: NDArray[np.float64], extreme: np.ufunc) -> NDArray[np.float64]:
+def _around(padded: NDArray[np.floating], extreme: np.ufunc) -> NDArray[np.floating]:
     """Extreme of the 3 x 3 pixels around each."""
     rows = extreme(extreme(padded[:-2], padded[1:-1]), padded[2:])
     return extreme(extreme(rows[:, :-2], rows[:, 1:-1]), rows[:, 2:])
@@ -60,14 +61,15 @@ def choose(
         budget = target**2 * max(int((samples < cap).sum()), 1)
     if error[able].sum() <= budget:
         return able[:0]
-    growth = (error[able] / samples[able]) ** (1 / (order + 1))  # in units of the level: n = samples growth / level
-    able = able[np.argsort(-growth, kind="stable")]
-    growth = np.sort(growth)[::-1]
-    grown = np.cumsum(error[able] * growth**-order)  # of the first k pixels, all taken to the level 1
-    rest = error[able].sum() - np.cumsum(error[able])
-    met = np.flatnonzero(grown * growth**order + rest <= budget)
+    growth = np.log(error[able] / samples[able]) / (order + 1)  # of the logarithm of samples, minus that of the level
+    by_growth = np.argsort(-growth, kind="stable")
+    able, growth = able[by_growth], growth[by_growth]
+    error = error[able]
+    grown = np.cumsum(error * np.exp(-order * growth))  # of the first k pixels, all taken to the level 1
+    rest = error.sum() - np.cumsum(error)
+    met = np.flatnonzero(grown * np.exp(order * growth) + rest <= budget)
     last = max(met[0] - 1, 0) if len(met) else len(able) - 1
-    level = (max(budget - rest[last], 0.0) / grown[last]) ** (1 / order)
-    many = int((growth > np.sqrt(2.0) * level).sum()) or len(able)
-    enough = np.flatnonzero(2.0**-order * np.cumsum(error[able]) + rest <= budget)
+    level = np.log(max(budget - rest[last], np.finfo(float).tiny) / grown[last]) / order
+    many = int((growth > level + np.log(2.0) / 2).sum()) or len(able)
+    enough = np.flatnonzero(2.0**-order * np.cumsum(error) + rest <= budget)
     return able[: min(many, enough[0] + 1) if len(enough) else many]

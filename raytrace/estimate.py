@@ -15,10 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.image import srgb_encode
 from raytrace.passes.film import BINS, LUMINANCE, bin_counts
 
-ORDER = {"sobol": 1.6, "stratified": 1.5, "independent": 1.0}  # V(n) ~ n^-order, measured; edges alone: 3/2 [He2015]
+ORDER = {"sobol": 1.6, "stratified": 1.4, "independent": 1.0}  # V(n) ~ n^-order, measured; edges alone: 3/2 [He2015]
 CHUNK = 1 << 13  # pixels estimated at a time: bounds the memory of it
 
 
@@ -54,32 +53,52 @@ def estimate(film: Film, order: float) -> Estimate:
 
 
 def _estimate(sums: NDArray[np.float64], samples: NDArray[np.int32], order: float) -> Estimate:
-    counts = bin_counts(samples)[:, None]
+    if len(samples) and (samples == samples[0]).all():
+        samples = samples[:1]  # the same arithmetic on fewer numbers
+    counts = bin_counts(samples)[:, None].astype(np.float64)
     bins = sums.reshape(BINS, 3, -1)
     mean = ((bins[0] + bins[1]) + (bins[2] + bins[3])) / np.maximum(samples, 1)
-    light = np.tensordot(bins, np.array(LUMINANCE), (1, 0))[:, None]
-    variance = _variance(np.concatenate([light, bins], axis=1), counts, order)
-    deviation = np.sqrt(variance[1:])
-    shown = (srgb_encode(np.clip(mean + deviation, 0, 1)) - srgb_encode(np.clip(mean - deviation, 0, 1))) / 2
-    return Estimate(mean.T, variance[0], (shown**2).mean(axis=0))
+    light = LUMINANCE[0] * bins[:, 0] + LUMINANCE[1] * bins[:, 1] + LUMINANCE[2] * bins[:, 2]
+    variance, deviation = _variance(light[:, None], counts, order)[0], np.sqrt(_variance(bins, counts, order))
+    shown = (displayed(mean + deviation) - displayed(mean - deviation)) / 2
+    return Estimate(mean.T, variance, np.square(shown, dtype=np.float64).mean(axis=0))
 
 
-def _variance(bins: NDArray[np.float64], counts: NDArray[np.int64], order: float) -> NDArray[np.float64]:
-    """Variance of the mean of all bins (4, c, m) of sums; counts are (4, 1, m)."""
+def displayed(radiance: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Radiance as it is shown: sRGB, 0..1. float32 is exact to 1e-7, far below what can be seen."""
+    x = np.clip(radiance, 0.0, 1.0).astype(np.float32)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** np.float32(1 / 2.4) - 0.055)  # [IEC 61966-2-1]
+
+
+def _variance(bins: NDArray[np.float64], counts: NDArray[np.float64], order: float) -> NDArray[np.float64]:
+    """Variance of the mean of all bins (4, c, m) of sums; counts are (4, 1, m), or (4, 1, 1)."""
     total, growth = counts.sum(axis=0), 2.0**order
-    halves = _contrast(bins[0] + bins[1], counts[0] + counts[1], bins[2] + bins[3], counts[2] + counts[3])
-    pairs = _contrast(bins[0], counts[0], bins[1], counts[1]) + _contrast(bins[2], counts[2], bins[3], counts[3])
-    pairs *= np.where(total > 2, 2 / growth, 1.0)  # two samples: each of them is a half
-    known = np.minimum(total - 1, 1) + (counts[2] > 0) + (counts[3] > 0)
+    known = np.minimum(total - 1, 1) + (counts[2] > 0) + (counts[3] > 0)  # contrasts
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(known > 0, (halves + pairs) / ((growth - 1) * known * total), np.nan)
+        scale = np.where(known > 0, 1 / ((growth - 1) * known * total), np.nan)
+    pair = scale * np.where(total > 2, 2 / growth, 1.0)  # two samples: each of them is a half
+    variance = _contrast(bins[0] + bins[1], counts[0] + counts[1], bins[2] + bins[3], counts[2] + counts[3], scale)
+    variance += _contrast(bins[0], counts[0], bins[1], counts[1], pair)
+    variance += _contrast(bins[2], counts[2], bins[3], counts[3], pair)
+    return variance
 
 
-def _contrast(a: NDArray[np.float64], na: NDArray[np.int64], b: NDArray[np.float64], nb: NDArray[np.int64]) -> NDArray:
-    """What two bins say of the variance of a sample: na nb / (na + nb) (mean a - mean b)^2; 0 where one is empty."""
-    product = na * nb
-    difference = np.where(product > 0, a * nb - b * na, 0.0)
-    return difference**2 / np.maximum(product * (na + nb), 1)
+def _contrast(
+    a: NDArray[np.float64],
+    na: NDArray[np.float64],
+    b: NDArray[np.float64],
+    nb: NDArray[np.float64],
+    scale: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """What two bins say of the variance of a sample, na nb / (na + nb) (mean a - mean b)^2, times a scale.
+
+    Nothing where a bin is empty.
+    """
+    weight = np.sqrt(scale / np.maximum(na * nb * (na + nb), 1)) * (na * nb > 0)
+    difference = (nb * weight) * a
+    difference -= (na * weight) * b
+    difference *= difference
+    return difference
 
 
 def root_mean(squares: NDArray[np.float64]) -> float:

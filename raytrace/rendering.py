@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 import raytrace
 from raytrace import adaptive, parallel
 from raytrace.accel.lanes import BITS
-from raytrace.estimate import ORDER, Estimate, Film, estimate, root_mean
-from raytrace.image import srgb_encode
+from raytrace.estimate import ORDER, Estimate, Film, displayed, estimate, root_mean
 from raytrace.jit import on_compile
 from raytrace.options import deadline_after, error_wanted, layers_of, override, window_of
 from raytrace.parts import Part, doubled, rounds, tiles
@@ -173,7 +172,7 @@ class _Job:
         samples, order, cap, done = self.film.samples, np.concatenate(tiles(self.window)), self.settings.spp, 0
         shape = self.window.height, self.window.width
         known = self._estimate()
-        shown, scale = srgb_encode(np.clip(known.rgb, 0, 1)), known.shown * float(samples[0]) ** self.order
+        shown, scale = displayed(known.rgb), known.shown * float(samples[0]) ** self.order
         while True:
             unseen = adaptive.hidden(shown.reshape(*shape, 3), samples.reshape(shape)).ravel()
             error = scale / samples**self.order + unseen
@@ -186,7 +185,7 @@ class _Job:
                 return not parts
             done += len(parts)
             known = self._estimate(pixels)
-            shown[pixels] = srgb_encode(np.clip(known.rgb, 0, 1))
+            shown[pixels] = displayed(known.rgb)
             scale[pixels] *= adaptive.MEMORY
             scale[pixels] += (1 - adaptive.MEMORY) * known.shown * samples[pixels] ** self.order
 

@@ -142,7 +142,7 @@ def _passes(scene: Scene, refraction: bool, smooth: bool, transparent: bool) -> 
         tree = "a tree without transparent surfaces" if transparent else "the same tree"
         rows.append(("shadow", f"{each}, through {tree}; none where the light is behind"))
         rows.append(("light", "albedo / pi times what arrives"))
-    rows.append(("film", "four sums a pixel"))
+    rows.append(("film", "twelve sums a pixel: three channels in four bins"))
     return tuple(rows)
 
 
