@@ -88,8 +88,10 @@ def _render(args: Namespace) -> int:
     seconds = time.perf_counter() - began
     if not image.complete:
         say(f"{'interrupted' if image.interrupted else 'time limit reached'}; the finished part is saved")
+    if image.complete and image.stats["target_reached"] is False:
+        say(f"target error {args.target_error:g} not reached with {image.provenance['spp']} samples a pixel")
     if reporter.last:
-        say(f"{seconds:.2f} s, {speed(reporter.last)}")
+        say(f"{seconds:.2f} s, {speed(reporter.last)}, estimated error {image.stats['estimated_error']:.2g}")
     if args.json:
         outcome = {"path": str(path), "seconds": seconds, "complete": image.complete}
         _print_json(outcome | {"stats": image.stats, "provenance": image.provenance})

@@ -78,3 +78,10 @@ def deadline_after(time_limit: float | None) -> float:
     if not time_limit >= 0:
         raise OptionError(f"time_limit: expected seconds, at least 0, got {time_limit!r}")
     return time_limit
+
+
+def error_wanted(target_error: float | None) -> float | None:
+    """Check the error that a picture is to have."""
+    if target_error is not None and not 0 < target_error < 1:
+        raise OptionError(f"target_error: expected an RMSE in sRGB, above 0 and below 1, got {target_error!r}")
+    return target_error

@@ -1,11 +1,10 @@
-"""``render``: tiles of pixels on several threads, with progress, cancel and a time limit."""
+"""``render``: tiles of pixels on several threads, with progress, cancel, a time limit and a wanted error."""
 
 import threading
 import time
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
@@ -14,20 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 import raytrace
-from raytrace import parallel
+from raytrace import adaptive, parallel
 from raytrace.accel.lanes import BITS
+from raytrace.estimate import ORDER, Estimate, Film, displayed, estimate, root_mean
 from raytrace.jit import on_compile
-from raytrace.options import deadline_after, layers_of, override, window_of
+from raytrace.options import deadline_after, error_wanted, layers_of, override, window_of
+from raytrace.parts import Part, doubled, rounds, tiles
 from raytrace.passes.camera import make_view
-from raytrace.passes.film import LUMINANCE
+from raytrace.passes.film import BINS
 from raytrace.passes.sampling import make_sampler
 from raytrace.picture import Layers, Render, trace_layers
 from raytrace.records import Scene, Settings, Window
 from raytrace.scene.load import load
 from raytrace.scene.plan import make_plan
 from raytrace.wavefront import BATCH, Stage, Wavefront, make_stage
-
-TILE = 32  # pixels: side of a tile
 
 _stages: WeakKeyDictionary[Scene, dict[str, Stage]] = WeakKeyDictionary()  # of scenes drawn before
 
@@ -47,13 +46,6 @@ class Progress(NamedTuple):
     seconds: float  # since the stage began
 
 
-class Film(NamedTuple):
-    """Sums of the samples of every pixel of a window."""
-
-    sums: NDArray[np.float64]  # (4, h * w): red, green, blue, squared luminance
-    samples: NDArray[np.int32]  # (h * w,)
-
-
 def render(
     scene: Scene | str | Path | dict[str, Any],
     spp: int | None = None,
@@ -67,6 +59,7 @@ def render(
     aov: Sequence[str] = (),
     crop: tuple[int, int, int, int] | None = None,
     time_limit: float | None = None,
+    target_error: float | None = None,
 ) -> Render:
     """Draw a scene.
 
@@ -87,6 +80,9 @@ def render(
         Draw only this part of the film; it equals that part of the whole picture.
     time_limit : float, seconds, optional
         Stop after about so long, with fewer samples.
+    target_error : float, optional
+        Sample where the error is until the estimated RMSE of the picture, in sRGB clipped to 0 .. 1, is at most this:
+        0.002 is half a step of 8 bits. No pixel gets more than ``spp`` samples, 4096 where that isn't given.
 
     Returns
     -------
@@ -109,31 +105,34 @@ def render(
     """
     if not isinstance(scene, Scene):
         scene = load(scene)
-    settings = override(scene.settings, spp, size, seed, precision, sampler)
+    target = error_wanted(target_error)
+    most = adaptive.CAP if spp is None and target is not None else spp
+    settings = override(scene.settings, most, size, seed, precision, sampler)
     window = window_of(settings.size, crop)
     layers, limit = layers_of(aov), deadline_after(time_limit)
-    job = _Job(scene, settings, window, progress or (lambda _: None))
+    job = _Job(scene, settings, window, target, progress or (lambda _: None))
     return job.run(parallel.thread_count(threads), limit, layers)
-
-
-def _tile_order() -> NDArray[np.uint32]:
-    """(x, y) of the pixels of a tile along a Z curve: any packet is a compact block   [Morton1966]."""
-    y, x = np.mgrid[0:TILE, 0:TILE]
-    curve = sum(((x >> bit & 1) << 2 * bit) | ((y >> bit & 1) << 2 * bit + 1) for bit in range(TILE.bit_length() - 1))
-    order = np.argsort(np.ravel(curve))
-    return np.stack([x.ravel()[order], y.ravel()[order]]).astype(np.uint32)
 
 
 class _Job:
     """One call of ``render``."""
 
-    def __init__(self, scene: Scene, settings: Settings, window: Window, progress: Callable[[Progress], None]) -> None:
-        self.scene, self.settings, self.window, self.progress = scene, settings, window, progress
+    def __init__(
+        self,
+        scene: Scene,
+        settings: Settings,
+        window: Window,
+        target: float | None,
+        progress: Callable[[Progress], None],
+    ) -> None:
+        self.scene, self.settings, self.window, self.target, self.progress = scene, settings, window, target, progress
         self.plan = make_plan(scene)
         self.precision = self.plan.precision.name if settings.precision == "auto" else settings.precision
+        self.order = ORDER[settings.sampler]
         pixels = window.width * window.height
-        self.film = Film(np.zeros((4, pixels)), np.zeros(pixels, np.int32))
+        self.film = Film(np.zeros((3 * BINS, pixels)), np.zeros(pixels, np.int32))
         self.layers = Layers(self.film.samples.reshape(window.height, window.width), self._trace_layers)
+        self.error: float | None = None  # of the picture, where the target made it known
         self.began = time.perf_counter()
         self._local = threading.local()
         self._cancelled = threading.Event()
@@ -147,7 +146,8 @@ class _Job:
             try:
                 self._prepare()
                 self._drawing = time.perf_counter()
-                complete = self._draw_all(threads, hasty=time_limit < np.inf)
+                all_drawn = self._draw_all(threads, hasty=time_limit < np.inf)
+                complete = all_drawn and (self.target is None or self._refine(threads, self.target))
                 for name in layers:
                     self.layers[name]
             except KeyboardInterrupt:
@@ -160,14 +160,43 @@ class _Job:
 
     def _draw_all(self, threads: int, hasty: bool) -> bool:
         """Draw round after round: a pixel's samples are summed in their order, so no tile may be in two at once."""
-        tiles, rounds = list(self._tiles()), _rounds(self.settings.spp, hasty)
-        for number, samples in enumerate(rounds):
-            before, total = number * len(tiles), len(rounds) * len(tiles)
-            report = partial(self._report, before, total)
-            draw = partial(self._draw, samples)
-            if not parallel.run(draw, tiles, threads, self._over, report, self._cancelled.set):
+        spp = self.settings.spp if self.target is None else min(adaptive.FIRST, self.settings.spp)
+        areas, ranges = tiles(self.window), rounds(spp, hasty)
+        for number, samples in enumerate(ranges):
+            parts = [Part(*samples, pixels) for pixels in areas]
+            if not self._draw_parts(parts, threads, number * len(parts), len(ranges) * len(parts)):
                 return False
-        return int(self.film.samples.min()) == self.settings.spp
+        return int(self.film.samples.min()) == spp
+
+    def _draw_parts(self, parts: Sequence[Part], threads: int, before: int, total: int) -> bool:
+        report = partial(self._report, before, total)
+        return parallel.run(self._draw, parts, threads, self._over, report, self._cancelled.set)
+
+    def _refine(self, threads: int, target: float) -> bool:
+        """Double the samples of pixels round after round, until the error of the picture meets the target."""
+        samples, order, cap, done = self.film.samples, np.concatenate(tiles(self.window)), self.settings.spp, 0
+        shape = self.window.height, self.window.width
+        known = self._estimate()
+        shown, scale = displayed(known.rgb), known.shown * float(samples[0]) ** self.order
+        while True:
+            unseen = adaptive.hidden(shown.reshape(*shape, 3), samples.reshape(shape)).ravel()
+            error = scale / samples**self.order + unseen
+            self.error = float(np.sqrt(error.mean()))
+            chosen = np.zeros(len(samples), np.bool_)
+            chosen[adaptive.choose(error, samples, target, cap, self.order)] = True
+            pixels = order[chosen[order]]
+            parts = list(doubled(pixels, samples[pixels], cap))
+            if not parts or not self._draw_parts(parts, threads, done, done + len(parts)):
+                return not parts
+            done += len(parts)
+            known = self._estimate(pixels)
+            shown[pixels] = displayed(known.rgb)
+            scale[pixels] *= adaptive.MEMORY
+            scale[pixels] += (1 - adaptive.MEMORY) * known.shown * samples[pixels] ** self.order
+
+    def _estimate(self, pixels: NDArray[np.int64] | slice = np.s_[:]) -> Estimate:
+        """Estimate some pixels, or all."""
+        return estimate(Film(self.film.sums[:, pixels], self.film.samples[pixels]), self.order)
 
     def _report(self, before: int, total: int, done: int) -> None:
         self._say("rendering", before + done, total)
@@ -186,26 +215,17 @@ class _Job:
         self.view = make_view(self.scene.camera, self.settings.size, np.dtype(self.precision))
         self.sampler = make_sampler(self.settings.sampler, self.settings.seed, self.settings.spp)
 
-    def _tiles(self) -> Iterator[tuple[NDArray[np.uint32], NDArray[np.uint32]]]:
-        """Columns and rows, on the film, of the pixels of each tile."""
-        x, y = _tile_order()
-        left, top, width, height = self.window
-        for tile_y in range(top, top + height, TILE):
-            for tile_x in range(left, left + width, TILE):
-                inside = (x < left + width - tile_x) & (y < top + height - tile_y)
-                yield x[inside] + np.uint32(tile_x), y[inside] + np.uint32(tile_y)
-
-    def _draw(self, samples: tuple[int, int], tile: tuple[NDArray[np.uint32], NDArray[np.uint32]]) -> None:
-        """Add samples (the first, and the one after the last) of one tile to the film, a batch after the other."""
-        (first, last), (x, y) = samples, tile
-        pixels = (y.astype(np.int64) - self.window.y) * self.window.width + (x.astype(np.int64) - self.window.x)
-        spare = -len(x) % (BITS // 8 // np.dtype(self.precision).itemsize)
-        x, y = np.pad(x, (0, spare), "edge"), np.pad(y, (0, spare), "edge")
+    def _draw(self, part: Part) -> None:
+        """Add samples of some pixels to the film, a batch after the other."""
+        pixels = part.pixels
+        spare = -len(pixels) % (BITS // 8 // np.dtype(self.precision).itemsize)
+        row, column = np.divmod(np.pad(pixels, (0, spare), "edge"), self.window.width)
+        x, y = (column + self.window.x).astype(np.uint32), (row + self.window.y).astype(np.uint32)
         sums = np.pad(self.film.sums[:, pixels], ((0, 0), (0, spare)))
         step = max(1, BATCH // len(x))
-        done = first
-        while done < last and not self._over():
-            end = min(done + step, last)
+        done = part.first
+        while done < part.last and not self._over():
+            end = min(done + step, part.last)
             self._wavefront((end - done) * len(x)).add_samples(x, y, done, end, sums)
             done = end
         self.film.sums[:, pixels] = sums[:, : len(pixels)]
@@ -221,8 +241,7 @@ class _Job:
 
     def _picture(self, complete: bool, interrupted: bool, compile_seconds: float) -> Render:
         height, width = self.window.height, self.window.width
-        samples = self.film.samples
-        rgb, stderr = _estimate(self.film)
+        known = self._estimate()
         seconds = time.perf_counter() - self.began
         passes: defaultdict[str, float] = defaultdict(float)
         rays: Counter[str] = Counter()
@@ -230,14 +249,16 @@ class _Job:
             rays.update(wavefront.rays)
             for name, spent in wavefront.seconds.items():
                 passes[name] += spent
-        known = stderr[np.isfinite(stderr)]
+        error = root_mean(known.shown) if self.error is None else self.error
         stats = {
             "seconds": seconds,
             "compile_seconds": compile_seconds,
             "seconds_by_pass": dict(passes),
             "rays": dict(rays),
-            "samples": int(samples.sum()),
-            "estimated_error": float(np.sqrt(np.mean(known.astype(np.float64) ** 2))) if len(known) else float("nan"),
+            "samples": int(self.film.samples.sum()),
+            "estimated_error": error,
+            "estimated_error_linear": root_mean(known.variance),
+            "target_reached": None if self.target is None else bool(error <= self.target),
         }
         provenance = {
             "version": raytrace.__version__,
@@ -251,27 +272,10 @@ class _Job:
             "complete": int(complete),
             "seconds": round(seconds, 4),
         }
-        rgb, stderr = rgb.reshape(height, width, 3), stderr.reshape(height, width)
+        rgb = known.rgb.astype(np.float32).reshape(height, width, 3)
+        stderr = np.sqrt(known.variance).astype(np.float32).reshape(height, width)
         return Render(rgb, stderr, self.layers, stats, provenance, complete, interrupted)
 
     def _trace_layers(self) -> dict[str, NDArray[Any]]:
         self._prepare()
         return trace_layers(self.scene, self.stage.bvh, self.settings.size, self.window)
-
-
-def _rounds(spp: int, hasty: bool) -> list[tuple[int, int]]:
-    """Ranges of samples: all at once, or ever more where time may run out, so that the whole picture is there early."""
-    bounds = [0, spp]
-    if hasty:
-        bounds = [0, *(1 << k for k in range((spp - 1).bit_length())), spp]
-    return list(pairwise(bounds))
-
-
-def _estimate(film: Film) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Mean radiance, and the standard error of its luminance: sqrt((mean of y^2 - (mean of y)^2) / (n - 1))."""
-    n = np.maximum(film.samples, 1)
-    mean = film.sums / n
-    spread = np.maximum(mean[3] - (np.array(LUMINANCE) @ mean[:3]) ** 2, 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        stderr = np.where(film.samples > 1, np.sqrt(spread / (n - 1)), np.nan)
-    return mean[:3].T.astype(np.float32), stderr.astype(np.float32)

@@ -132,7 +132,7 @@ class Wavefront:
             for number in range(stage.plan.lights):
                 self._light(number)
         clock = time.perf_counter()
-        accumulate(self.radiance, sums)
+        accumulate(self.radiance, first, sums)
         self._lap("film", clock)
 
     def _lap(self, name: str, since: float) -> float:

@@ -68,12 +68,17 @@ def owen_sobol(seed: Any, x: Any, y: Any, s: Any, dim: int) -> Any:
 
 
 def stratified(seed: Any, x: Any, y: Any, s: Any, dim: int, spp: int) -> Any:
-    """Sampler "stratified": one jittered point in each cell of a grid, from a cell on that the pixel's key chooses."""
+    """Sampler "stratified": one jittered point in each cell of a grid, from a cell on that the pixel's key chooses.
+
+    The next one is a golden section of the grid further on, or as near below it as meets all cells.
+    """
     nx = math.isqrt(spp - 1) + 1  # ceil(sqrt(spp))
     ny = -(-spp // nx)
-    j = (s + key(seed, x, y, 2) % (nx * ny)) % (nx * ny)
-    cell, n = ((j % nx), nx) if dim == 0 else ((j // nx), ny)
-    return (cell + uniform(seed, x, y, s, dim)) / n
+    n = nx * ny
+    step = max(k for k in range(1, max(round(n * (5**0.5 - 1) / 2), 1) + 1) if math.gcd(k, n) == 1)
+    j = (s % n * step + key(seed, x, y, 2) % n) % n
+    cell, side = ((j % nx), nx) if dim == 0 else ((j // nx), ny)
+    return (cell + uniform(seed, x, y, s, dim)) / side
 
 
 def film_points(

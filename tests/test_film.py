@@ -1,20 +1,23 @@
-"""Sums of samples: the same whatever the batch."""
+"""Sums of samples in four bins: the same whatever the batch."""
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 import rays
-from raytrace.passes.film import LUMINANCE, accumulate
+from raytrace.passes.film import BINS, LUMINANCE, accumulate, bin_counts
 
 PRECISIONS = ("float32", "float64")
 
 
 def added(radiance, cuts, pixels):
-    """Sums of radiance (samples, pixels, 3), added in pieces that begin at the cuts."""
-    sums = np.zeros((4, pixels))
+    """Sums (bins, 3, pixels) of radiance (samples, pixels, 3), added in pieces that begin at the cuts."""
+    sums, first = np.zeros((3 * BINS, pixels)), 0
     for piece in np.split(radiance, cuts):
-        accumulate(piece.transpose(2, 0, 1).ravel(), sums)
-    return sums
+        accumulate(piece.transpose(2, 0, 1).ravel(), first, sums)
+        first += len(piece)
+    return sums.reshape(BINS, 3, pixels)
 
 
 @pytest.mark.nojit
@@ -24,19 +27,25 @@ def test_sums_do_not_depend_on_the_batch(precision):
     whole = added(radiance, [], 48)
     for cuts in ([3], [1, 2, 3, 4, 5, 6, 7], [7], [4, 6]):
         assert rays.same_bits(added(radiance, cuts, 48), whole)
-    order = [5, 0, 1, 2, 3, 4, 6, 7]
-    assert not rays.same_bits(added(radiance[order], [], 48), whole)  # their order is what counts
 
 
 @pytest.mark.nojit
-@pytest.mark.parametrize("precision", PRECISIONS)
-def test_sums_are_of_channels_and_of_squared_luminance(precision):
-    radiance = np.random.default_rng(2).uniform(0, 2, (5, 32, 3)).astype(precision)
-    sums = added(radiance, [2], 32)
-    exact = radiance.astype(np.float64)
-    np.testing.assert_allclose(sums[:3], exact.sum(axis=0).T, rtol=1e-15)
-    # luminance is computed in the precision of the samples or better
-    np.testing.assert_allclose(sums[3], ((exact @ LUMINANCE) ** 2).sum(axis=0), rtol=8 * np.finfo(precision).eps)
+@pytest.mark.parametrize("samples", [1, 2, 3, 4, 5, 7, 8, 9, 12, 16, 17])
+def test_bins_hold_samples_in_their_order_and_quarters_where_they_are_a_power_of_two(samples):
+    radiance = np.random.default_rng(2).uniform(0, 2, (samples, 16, 3)).astype(np.float32)
+    counts = bin_counts([samples])[:, 0]
+    assert counts.sum() == samples
+    bounds = np.concatenate([[0], np.cumsum(counts)])
+    expected = [radiance[a:b].astype(np.float64).sum(axis=0).T for a, b in pairwise(bounds)]
+    np.testing.assert_allclose(added(radiance, [samples // 2], 16), expected, rtol=1e-14)
+    if samples in (4, 8, 16):
+        assert (counts == samples // 4).all()
+
+
+def test_counts_are_those_of_each_pixel():
+    np.testing.assert_array_equal(
+        bin_counts([0, 1, 2, 5, 9]).T, [[0] * 4, [1, 0, 0, 0], [1, 1, 0, 0], [2, 2, 1, 0], [4, 4, 1, 0]]
+    )
 
 
 def test_luminance_of_white_is_one():
@@ -46,4 +55,4 @@ def test_luminance_of_white_is_one():
 def test_small_samples_are_not_lost_beside_large_ones():
     radiance = np.full((2, 16, 3), 1e-3, np.float32)
     radiance[0] = 1e6  # float32 sums would stay at 1e6
-    np.testing.assert_allclose(added(radiance, [], 16)[:3], 1e6 + 1e-3, rtol=1e-14)
+    np.testing.assert_allclose(added(radiance, [], 16).sum(axis=0), 1e6 + 1e-3, rtol=1e-14)

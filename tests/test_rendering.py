@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace import rendering
-from raytrace.passes.film import LUMINANCE
+from raytrace import parts, rendering
+from raytrace.image import srgb_encode
 from raytrace.rendering import Progress
 from small_scenes import Part, glass, look, make_scene, quad, studio
 
@@ -21,7 +21,7 @@ GLASS = ROOT / "scenes" / "cornell-box-glass.json"
 SPHERE = ROOT / "scenes" / "glass-sphere.json"
 SAMPLERS = ["sobol", "stratified", "independent"]
 PRECISIONS = ["float32", "float64"]
-TILE = rendering.TILE
+TILE = parts.TILE
 
 FLOOR = quad((-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1))
 WALL = quad((-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0))
@@ -60,7 +60,7 @@ def test_threads_do_not_change_a_bit(several, sampler, precision):
 def test_tiles_and_batches_do_not_change_a_bit(several, tile, batch, monkeypatch):
     ask = {"size": (70, 45), "spp": 5, "seed": 9}
     before = rt.render(several, **ask)
-    monkeypatch.setattr(rendering, "TILE", tile)
+    monkeypatch.setattr(parts, "TILE", tile)
     monkeypatch.setattr(rendering, "BATCH", batch)
     assert_same(before, rt.render(several, **ask))
 
@@ -286,13 +286,6 @@ def test_seconds_are_those_of_the_passes_that_ran(box):
     assert rt.render(SPHERE, size=(32, 32), spp=1).stats["seconds_by_pass"]["refraction"] > 0
 
 
-def test_the_estimated_error_is_the_root_mean_square_of_stderr(box):
-    picture = rt.render(box, size=(64, 64), spp=8)
-    expected = np.sqrt(np.mean(picture.stderr.astype(np.float64) ** 2))
-    assert picture.stats["estimated_error"] == pytest.approx(expected, rel=1e-12)
-    assert 0 < picture.stats["estimated_error"] < 0.02
-
-
 # Physics that holds bit for bit, or to rounding -----------------------------------------------------------------------
 
 
@@ -343,37 +336,76 @@ def test_the_order_of_materials_and_objects_does_not_show(precision):
     assert_same(*pictures)
 
 
-def test_stderr_is_the_spread_of_pixels_over_seeds(box):
-    seeds, ask = 64, {"size": (96, 96), "spp": 16, "sampler": "independent"}
-    pictures = [rt.render(box, seed=seed, **ask) for seed in range(seeds)]
-    luminance = np.array([picture.rgb.astype(np.float64) @ LUMINANCE for picture in pictures])
-    claimed = np.mean([picture.stderr.astype(np.float64) ** 2 for picture in pictures], axis=0)
-    spread = luminance.var(axis=0, ddof=1)
-    noisy = claimed > 1e-8  # rounding to float32 is 1e-8 at most, squared: nothing
-    assert noisy.sum() > 300
+# A wanted error -------------------------------------------------------------------------------------------------------
 
-    def deviation(factor):
-        """Standard deviations by which the claims, times a factor, miss the spread, summed over pixels."""
-        miss = (spread - factor**2 * claimed)[noisy]  # independent from pixel to pixel, with mean 0 for factor 1
-        return miss.sum() / np.sqrt((miss**2).sum())
-
-    assert abs(deviation(1.0)) < 3.3  # true claims fail for 1 set of seeds in 1000
-    assert deviation(0.95) > 3.3  # claims off by 5 % would be found
-    assert deviation(1.05) < -3.3
+EDGES = {"size": (3 * TILE, 2 * TILE), "target_error": 4e-3}
 
 
-@pytest.mark.parametrize("sampler", ["sobol", "stratified"])
-def test_stderr_is_an_upper_bound_for_samplers_that_spread_evenly(box, sampler):
-    pictures = [rt.render(box, seed=seed, size=(48, 48), spp=16, sampler=sampler) for seed in range(24)]
-    spread = np.array([picture.rgb.astype(np.float64) @ LUMINANCE for picture in pictures]).var(axis=0, ddof=1)
-    claimed = np.mean([picture.stderr.astype(np.float64) ** 2 for picture in pictures], axis=0)
-    assert spread.sum() < 0.7 * claimed.sum()
+@pytest.mark.parametrize("sampler", SAMPLERS)
+def test_threads_tiles_and_batches_do_not_change_where_samples_go(several, sampler, monkeypatch):
+    one = rt.render(several, threads=1, sampler=sampler, **EDGES)
+    assert len(np.unique(one.aov["samples"])) > 3
+    assert_same(one, rt.render(several, threads=3, sampler=sampler, **EDGES))
+    monkeypatch.setattr(parts, "TILE", 8)
+    monkeypatch.setattr(rendering, "BATCH", 1000)
+    assert_same(one, rt.render(several, threads=2, sampler=sampler, **EDGES))
 
 
-def test_one_sample_tells_nothing_of_its_error(box):
-    picture = rt.render(box, size=(8, 8), spp=1)
-    assert np.isnan(picture.stderr).all()
-    assert np.isnan(picture.stats["estimated_error"])
+def test_samples_go_to_edges_and_a_pixel_keeps_its_first_ones(several):
+    picture = rt.render(several, **EDGES)
+    samples = picture.aov["samples"]
+    assert picture.complete
+    assert picture.stats["target_reached"]
+    assert picture.stats["estimated_error"] <= 4e-3
+    assert (samples.min(), samples.sum()) == (4, picture.stats["samples"])
+    for spp in np.unique(samples)[:3].tolist():  # the same numbers as without a target
+        uniform = rt.render(several, size=EDGES["size"], spp=spp)
+        assert np.array_equal(picture.rgb[samples == spp], uniform.rgb[samples == spp])
+    truth = srgb_encode(np.clip(rt.render(several, size=EDGES["size"], spp=1024, seed=1).rgb, 0, 1))
+    first = srgb_encode(np.clip(rt.render(several, size=EDGES["size"], spp=4).rgb, 0, 1))
+    wrong = np.abs(first - truth).max(axis=2) > 0.02
+    assert samples[wrong].mean() > 3 * samples[~wrong].mean()
+    actual = np.sqrt(np.mean((srgb_encode(np.clip(picture.rgb, 0, 1)) - truth) ** 2))
+    assert actual < 1.3 * 4e-3
+
+
+def test_a_target_is_met_with_fewer_samples_than_by_all_pixels_alike(box):
+    ask = {"size": (128, 128)}
+    picture = rt.render(box, target_error=4e-4, **ask)
+    alike = rt.render(box, spp=64, **ask)
+    truth = srgb_encode(np.clip(rt.render(box, spp=1024, seed=1, **ask).rgb, 0, 1))
+    far, near = (np.mean((srgb_encode(np.clip(p.rgb, 0, 1)) - truth) ** 2) for p in (alike, picture))
+    assert near < far
+    assert picture.stats["samples"] < alike.stats["samples"] / 3
+
+
+def test_the_cap_is_kept_and_told(several):
+    picture = rt.render(several, size=(48, 48), spp=24, target_error=1e-5)
+    samples = picture.aov["samples"]
+    assert picture.complete
+    assert picture.stats["target_reached"] is False
+    assert picture.stats["estimated_error"] > 1e-5
+    assert samples.max() == 24
+    assert picture.provenance["spp"] == 24
+
+
+def test_a_target_that_anything_meets_takes_the_first_samples_only(several):
+    assert (rt.render(several, size=(16, 16), target_error=0.5).aov["samples"] == 4).all()
+    assert (rt.render(several, size=(16, 16), target_error=0.5, spp=3).aov["samples"] == 3).all()
+
+
+def test_ctrl_c_and_time_end_the_rounds_with_what_is_there(several):
+    def progress(event):
+        if event.total > tiles:
+            raise KeyboardInterrupt
+
+    tiles = 3 * 2
+    part = rt.render(several, progress=progress, **EDGES)
+    assert (part.complete, part.interrupted) == (False, True)
+    assert part.aov["samples"].min() == 4
+    late = rt.render(several, size=EDGES["size"], target_error=1e-6, time_limit=0.3)
+    assert not late.complete
+    assert late.stats["target_reached"] is False
 
 
 # Memory ---------------------------------------------------------------------------------------------------------------
@@ -390,4 +422,4 @@ def test_memory_does_not_grow_with_samples(box):
     peak(8)  # whatever is kept from the first render on
     few, many = peak(8), peak(64)
     assert many < 1.1 * few
-    assert many < 256 * 256 * 64 * 12 / 4  # the radiance of all samples alone would be 50 MB
+    assert many < 256 * 256 * 64 * 12 / 3  # the radiance of all samples alone would be 50 MB

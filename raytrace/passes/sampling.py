@@ -1,6 +1,6 @@
 """Where the samples of a pixel lie: every number has an address (seed, pixel, sample, dimension), and none a state."""
 
-from math import ceil, sqrt
+from math import ceil, gcd, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -19,11 +19,12 @@ class Sobol(NamedTuple):
 
 
 class Stratified(NamedTuple):
-    """One jittered point in each cell of a grid."""
+    """One jittered point in each cell of a grid; cells that follow each other lie far apart."""
 
     seed: int
     columns: int
     rows: int
+    step: int  # from one cell to the next, row after row, around the grid
 
 
 class Independent(NamedTuple):
@@ -37,8 +38,20 @@ def make_sampler(name, seed, spp):
     seed = np.uint32(seed)
     if name == "stratified":
         columns = ceil(sqrt(spp))
-        return Stratified(seed, np.uint32(columns), np.uint32(ceil(spp / columns)))
+        rows = ceil(spp / columns)
+        return Stratified(seed, np.uint32(columns), np.uint32(rows), np.uint32(golden_step(columns * rows)))
     return {"sobol": Sobol, "independent": Independent}[name](seed)
+
+
+def golden_step(cells):
+    """Whole number below the golden section of ``cells`` that shares no factor with it: its multiples meet every cell.
+
+    Any run of them is spread evenly   [Weyl1916].
+    """
+    step = max(1, round(0.6180339887 * cells))
+    while gcd(step, cells) > 1:
+        step -= 1
+    return step
 
 
 @inlined
@@ -130,7 +143,7 @@ def _independent(sampler, pixel, sample, like):
 def _stratified(sampler, pixel, sample, like):
     jitter_x, jitter_y = _independent(sampler, pixel, sample, like)
     cells = sampler.columns * sampler.rows
-    cell = (key(pixel, STRATUM) % cells + np.uint32(sample)) % cells
+    cell = (key(pixel, STRATUM) % cells + np.uint32(sample) % cells * sampler.step) % cells
     row = cell // sampler.columns
     column = cell - row * sampler.columns
     x = (to_real(column, like) + jitter_x) / np.float64(sampler.columns)

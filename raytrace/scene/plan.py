@@ -100,7 +100,7 @@ def _passes(scene: Scene, refraction: bool, smooth: bool, transparent: bool) -> 
         tree = "a tree without transparent surfaces" if transparent else "the same tree"
         rows.append(("shadow", f"{each}, through {tree}, or one without the triangles that the light lies on"))
         rows.append(("light", "albedo / pi times what arrives"))
-    rows.append(("film", "four sums a pixel"))
+    rows.append(("film", "twelve sums a pixel: three channels in four bins"))
     return tuple(rows)
 
 
