@@ -48,7 +48,9 @@ def library(monkeypatch, tmp_path):
         progress(Event("rendering", 4, 4, 8_000_000, 2.0))
         return library.image
 
-    stats, samples = {"rays": np.int64(8), "error": np.inf, "pass": {"camera": (0.5,)}}, np.ones((2, 2), np.int32)
+    stats = {"rays": np.int64(8), "error": np.inf, "pass": {"camera": (0.5,)}}
+    stats |= {"estimated_error": 0.002, "target_reached": None}
+    samples = np.ones((2, 2), np.int32)
     image = Image(complete=True, interrupted=False, stats=stats, provenance={"seed": 1}, aov={"samples": samples})
     library = SimpleNamespace(problem=None, warnings=(), asked=[], image=image)
     monkeypatch.setattr(raytrace, "load", load, raising=False)
@@ -120,6 +122,7 @@ def test_options_may_stand_before_the_scene(library):
         ("--sampler independent", {"sampler": "independent"}),
         ("--threads 2", {"threads": 2}),
         ("--time-limit 0.5", {"time_limit": 0.5}),
+        ("--target-error 0.001", {"target_error": 0.001}),
         ("--aov depth,normal -o a.npz", {"aov": ("depth", "normal")}),
     ],
 )
@@ -184,7 +187,7 @@ def test_messages_go_to_stderr_and_no_bar_is_drawn_off_a_terminal(library, capsy
     warning, compiling, summary = err.splitlines()
     assert warning == "warning: box.json:3:5: fov: 200 degrees is very wide"
     assert compiling == "compiling kernels (first run only)"
-    assert summary.endswith(" s, 4.0 M rays/s")
+    assert summary.endswith(" s, 4.0 M rays/s, estimated error 0.002")
 
 
 def test_quiet_says_nothing_but_the_path(library, capsys):
@@ -197,7 +200,7 @@ def test_json_is_one_object_without_infinities(library, capsys):
     assert cli.main(["box.json", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told.pop("seconds") > 0
-    stats = {"rays": 8, "error": None, "pass": {"camera": [0.5]}}
+    stats = {"estimated_error": 0.002, "target_reached": None, "rays": 8, "error": None, "pass": {"camera": [0.5]}}
     assert told == {"path": "box.png", "complete": True, "stats": stats, "provenance": {"seed": 1}}
 
 
@@ -206,6 +209,12 @@ def test_a_time_limit_saves_what_is_finished_and_says_so(library, capsys):
     assert cli.main(["box.json", "--time-limit", "1"]) == 0
     assert "time limit reached; the finished part is saved" in capsys.readouterr().err
     assert Path("box.png").exists()
+
+
+def test_a_target_that_is_not_reached_is_told(library, capsys):
+    library.image.stats["target_reached"], library.image.provenance["spp"] = False, 64
+    assert cli.main(["box.json", "--target-error", "1e-5", "--spp", "64"]) == 0
+    assert "target error 1e-05 not reached with 64 samples a pixel\n" in capsys.readouterr().err
 
 
 def test_an_interrupt_saves_what_is_finished_and_leaves_with_130(library, capsys):

@@ -104,5 +104,11 @@ def test_a_time_limit_that_is_no_time_is_told(box, seconds):
         rt.render(box, size=(8, 8), spp=1, time_limit=seconds)
 
 
+@pytest.mark.parametrize("error", [0, -1e-3, 1, float("nan")])
+def test_a_target_error_that_no_picture_has_is_told(box, error):
+    with pytest.raises(rt.OptionError, match="target_error: expected an RMSE in sRGB, above 0 and below 1"):
+        rt.render(box, size=(8, 8), target_error=error)
+
+
 def test_one_layer_may_be_asked_for_by_a_plain_string(box):
     assert list(rt.render(box, size=(8, 8), spp=1, aov="depth").aov.computed) == ["depth"]
