@@ -64,8 +64,13 @@ def refract(d: ArrayLike, n: ArrayLike, eta: ArrayLike) -> tuple[NDArray[np.floa
 
     Notes
     -----
-    The part of d along the surface, s = d - (d . n) n, has length sin_i and is divided by eta; what is left to unit
-    length goes against n [Pharr2023]_. An eta of exactly 1 changes nothing.
+    The part of d along the surface has length sin_i and is divided by eta; what is left to unit length goes against n
+    [Pharr2023]_. The first is taken from d + n, which is small near normal incidence and exact there; cos_t^2 is
+
+        ((eta - 1) (eta + 1) + cos_i^2) / eta^2   or   1 - sin_t^2,
+
+    the first where cos_i^2 < 1/2: so nothing cancels at grazing or normal incidence, and near the critical angle the
+    result is exact for a direction that differs from d by a few roundings. An eta of exactly 1 changes nothing.
 
     Examples
     --------
@@ -76,10 +81,13 @@ def refract(d: ArrayLike, n: ArrayLike, eta: ArrayLike) -> tuple[NDArray[np.floa
     """
     d, n = _rows(d, n)
     eta = np.asarray(eta, d.dtype)[..., None]
-    s = (d - _dot(d, n) * n) / eta
-    rest = 1.0 - _dot(s, s)
-    total = (rest <= 0.0) & (eta != 1.0)
-    through = _unit(s - np.sqrt(np.maximum(rest, 0.0)) * n)
+    cosine, between = _dot(d, n), d + n
+    with np.errstate(all="ignore"):  # indices beyond the range of the floats: total, or straight against n
+        s = (between - _dot(between, n) * n) / eta
+        level = (eta - 1.0) / eta * (1.0 + 1.0 / eta) + (cosine / eta) ** 2
+        rest = np.where(cosine**2 < 0.5, level, 1.0 - _dot(s, s))
+        total = ~(rest > 0.0) & (eta != 1.0)
+        through = _unit(s - np.sqrt(np.fmax(rest, 0.0)) * n)
     direction = np.where(total, reflect(d, n), np.where(eta == 1.0, d, through))
     return direction, np.broadcast_to(total, (*direction.shape[:-1], 1))[..., 0][()]
 

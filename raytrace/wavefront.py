@@ -11,7 +11,7 @@ from raytrace.accel import query
 from raytrace.accel.bvh import BVH
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.film import accumulate
-from raytrace.passes.light import background, reflect_light, shadow_rays
+from raytrace.passes.light import background, reflect_light, shadow_rays, triangles_at
 from raytrace.passes.refraction import land, refract_rays
 from raytrace.passes.surface import surface
 from raytrace.records import REFRACTIVE, Batch, Columns, Hits, Points, Rays, Scene, Shading, Shadows, View
@@ -27,7 +27,7 @@ class Stage(NamedTuple):
     plan: Plan
     max_depth: int
     bvh: BVH
-    shadow_bvh: BVH  # the same, but for surfaces that shadow rays pass
+    shadow_bvhs: tuple[BVH, ...]  # one a light: the same, but for surfaces that its rays pass, or that it lies on
     shading: Shading
     normals: NDArray[np.floating] | None  # (m * 9,) f: unit shading normals of corners; None: all flat
     background: NDArray[np.floating]  # (3,) f
@@ -40,22 +40,36 @@ def make_stage(scene: Scene, plan: Plan, precision: str) -> Stage:
     dtype = np.dtype(precision)
     mesh, materials = scene.mesh, scene.materials
     bvh = BVH(mesh.vertices, mesh.faces, precision)
-    shadow_bvh = bvh
-    if plan.transparent:
-        shadow_bvh = BVH(mesh.vertices, mesh.faces[~materials.transparent_shadow[mesh.material_id]], precision)
+    positions = scene.lights.position.astype(dtype)
     refractive = materials.kind == REFRACTIVE
     table = np.column_stack([materials.albedo, materials.ior, materials.two_sided, refractive])
     return Stage(
         plan,
         scene.settings.max_depth,
         bvh,
-        shadow_bvh,
+        _shadow_bvhs(scene, bvh, positions),
         Shading(bvh.triangles.ravel(), mesh.material_id, table.astype(dtype).ravel()),
         None if mesh.normals is None else mesh.normals.astype(dtype).ravel(),
         scene.background.astype(dtype),
-        scene.lights.position.astype(dtype),
+        positions,
         scene.lights.flux.astype(dtype),
     )
+
+
+def _shadow_bvhs(scene: Scene, bvh: BVH, positions: NDArray[np.floating]) -> tuple[BVH, ...]:
+    """Trees for the shadow rays of each light; the tree itself where nothing is left out."""
+    if not len(positions):
+        return ()
+    mesh = scene.mesh
+    stops = ~scene.materials.transparent_shadow[mesh.material_id]
+    common = bvh if stops.all() else BVH(mesh.vertices, mesh.faces[stops], bvh.precision)
+    trees = []
+    for position in positions:
+        rest = stops.copy()
+        rest[triangles_at(bvh.tree, bvh.triangles, position)] = False
+        alike = np.array_equal(rest, stops)
+        trees.append(common if alike else BVH(mesh.vertices, mesh.faces[rest], bvh.precision))
+    return tuple(trees)
 
 
 def _batch(n: int, dtype: np.dtype) -> Batch:
@@ -80,7 +94,8 @@ class Wavefront:
         self.stage, self.view, self.sampler, self.n = stage, view, sampler, n
         self.seconds: defaultdict[str, float] = defaultdict(float)
         self.rays: Counter[str] = Counter()
-        self.work = stage.bvh.work(), stage.shadow_bvh.work()
+        self.work = stage.bvh.work()
+        self.shadow_work = [bvh.work() for bvh in stage.shadow_bvhs]
         self.samples = _batch(n, dtype)
         self.samples.slot[:] = np.arange(n)
         self.bounced = [_batch(n, dtype) for _ in range(2 * stage.plan.refraction)]
@@ -114,8 +129,8 @@ class Wavefront:
         if stage.plan.lights:
             surface(stage.shading, stage.normals, samples.d, samples.hits, self.points)
             clock = self._lap("surface", clock)
-            for position, flux in zip(stage.light_position, stage.light_flux, strict=True):
-                self._light(position, flux)
+            for number in range(stage.plan.lights):
+                self._light(number)
         clock = time.perf_counter()
         accumulate(self.radiance, first, sums)
         self._lap("film", clock)
@@ -133,7 +148,7 @@ class Wavefront:
 
     def _closest(self, batch: Batch, origins: Columns, count: int) -> None:
         rays = Rays(origins, self._columns(batch.d), self._limit(self.zero), self._limit(self.infinity))
-        query.closest_hit(self.stage.bvh.tree, rays, batch.hits, count, self.work[0])
+        query.closest_hit(self.stage.bvh.tree, rays, batch.hits, count, self.work)
 
     def _refract(self) -> None:
         """Follow samples through interfaces until they land, leave, or have met ``max_depth`` surfaces."""
@@ -150,14 +165,15 @@ class Wavefront:
             depth += 1
         self.samples.hits.prim_id[target.slot[:count]] = EXHAUSTED
 
-    def _light(self, position: NDArray[np.floating], flux: NDArray[np.floating]) -> None:
-        shadows = self.shadows
+    def _light(self, number: int) -> None:
+        """Add the light of one point light."""
+        stage, shadows = self.stage, self.shadows
         clock = time.perf_counter()
-        self.rays["shadow"] += shadow_rays(self.points, position, shadows)
+        self.rays["shadow"] += shadow_rays(self.points, stage.light_position[number], shadows)
         clock = self._lap("light", clock)
         tmax = Columns(shadows.tmax, 0, 1, 0)
         rays = Rays(self._columns(shadows.o), self._columns(shadows.d), self._limit(self.zero), tmax)
-        query.any_hit(self.stage.shadow_bvh.tree, rays, shadows.occluded, self.n, self.work[1])
+        query.any_hit(stage.shadow_bvhs[number].tree, rays, shadows.occluded, self.n, self.shadow_work[number])
         clock = self._lap("shadow", clock)
-        reflect_light(self.stage.shading, self.points, shadows, flux, self.radiance)
+        reflect_light(stage.shading, self.points, shadows, stage.light_flux[number], self.radiance)
         self._lap("light", clock)

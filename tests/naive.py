@@ -147,7 +147,7 @@ def surface(mesh: Mesh, hits: Hits) -> tuple[F8, F8, F8, F8]:
     v0, v1, v2 = np.moveaxis(mesh.vertices[mesh.faces[hits.prim_id]], 1, 0)
     weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1)
     p = weights[:, :1] * v0 + weights[:, 1:2] * v1 + weights[:, 2:] * v2
-    p_error = gamma(16) * np.max(np.abs([v0, v1, v2]), axis=0)
+    p_error = gamma(3) * (np.abs(p) + 4 * np.ptp([v0, v1, v2], axis=0))
     ng = unit(np.cross(v1 - v0, v2 - v0))
     return p, p_error, ng, ng if mesh.normals is None else smooth_normal(mesh.normals[hits.prim_id], weights)
 

@@ -137,7 +137,7 @@ def test_slab_displaces_a_ray_and_keeps_its_direction():
     np.testing.assert_allclose(w, d, atol=1e-14)
     across = np.linalg.norm(np.cross(o - start, d), axis=1)
     expected = thickness * np.sin(a) * (1 - np.cos(a) / np.sqrt(n**2 - np.sin(a) ** 2))
-    np.testing.assert_allclose(across, expected, atol=1e-12)  # the offsets along the normal: gamma(16) x 50
+    np.testing.assert_allclose(across, expected, atol=1e-12)  # the offsets along the normal: gamma(27) x 50
 
 
 def extrude(*polygon):

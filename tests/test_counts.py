@@ -19,8 +19,8 @@ SINGLE = {
     ("bumpy", "sah"): (9.45, 20.54),
     ("bumpy", "median"): (12.63, 31.01),
 }
-# the same by a packet of sixteen camera rays of a block of 4 x 4 pixels; rays of it that go on alone count for themselves,
-# and test all eight triangles of a leaf
+# the same by a packet of sixteen camera rays of a block of 4 x 4 pixels; rays of it that go on alone count for
+# themselves, and test all eight triangles of a leaf
 PACKET = {
     ("cornell-box", "sah"): (1.0, 16.16),
     ("cornell-box", "median"): (1.0, 20.98),

@@ -246,7 +246,7 @@ def test_plain_functions_mean_what_they_say():
     assert rays.same_bits(select(x == 1, x, 7.5), np.array([1, 7.5, 7.5, 7.5], "f4"))
     assert bits(np.array([True, False, True, True])) == 13
     assert count(np.array([True, False, True, True])) == 3
-    assert first_bit(40) == 3
+    assert first_bit(40) == first_bit(np.int64(40)) == 3
     assert mask_of(13, x).tolist() == [True, False, True, True]
     assert to_int(np.array([2.9, -2.9, -0.0], "f4")).tolist() == [2, -2, 0]
     assert reverse_bits(np.array([1, 3 << 30, 0xF0000001], np.uint32)).tolist() == [1 << 31, 3, 0x8000000F]

@@ -1,10 +1,13 @@
-"""Direct light: the inverse square law in closed form, sides, and what is added to what."""
+"""Direct light: the inverse square law in closed form, sides, and what is added to what; where shadow rays end."""
 
+import mpmath
 import numpy as np
 import pytest
 
+import exact_optics as exact
 import rays
-from raytrace.passes.light import background, reflect_light, shadow_rays
+import raytrace as rt
+from raytrace.passes.light import ROUNDINGS, SPAN, background, reflect_light, shadow_rays, triangles_at
 from raytrace.records import Hits, Points, Shading, Shadows
 
 PRECISIONS = ("float32", "float64")
@@ -137,3 +140,91 @@ def test_only_rays_that_left_the_scene_see_the_background(precision):
     colour = np.array([0.25, 3.0, 1e-3], precision)
     background(Hits(zeros, prim_id, zeros, zeros), radiance, colour)
     assert np.array_equal(rows(radiance), np.where(prim_id[:, None] == -1, colour, 0))
+
+
+@pytest.mark.nojit
+@QUIET
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("scale", [1e-13, 1e13])
+def test_irradiance_keeps_its_digits_at_distances_whose_cubes_are_no_numbers(scale, precision):
+    surface = points(precision, (0, 0, 0), (0, 1, 0))
+    _, shadows = shadows_of(surface, (0, 2 * scale, 0))
+    np.testing.assert_allclose(shadows.irradiance, 1 / (16 * np.pi * scale**2), rtol=1e-6)
+
+
+# --- lights on surfaces ----------------------------------------------------------------------------------------------
+
+ROOF = np.array([[0, 1, 0], [2, 1, 0], [2, 1, 2], [0, 1, 2], [0, 0, 0], [2, 0, 0]], np.float64)
+FACES = np.array(
+    [[0, 2, 1], [0, 3, 2], [0, 1, 5], [0, 5, 4]]
+)  # two of a roof, two of a wall; they meet in the edge 0 1
+
+
+def held_at(precision, light, shift=0.0, faces=FACES):
+    bvh = rt.BVH(ROOF + shift, faces, precision)
+    return sorted(triangles_at(bvh.tree, bvh.triangles, (np.asarray(light) + shift).astype(precision)).tolist())
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("shift", [0.0, 100.0])
+@pytest.mark.parametrize(
+    ("light", "held"),
+    [
+        ((1.5, 1, 0.5), [0]),
+        ((1, 1, 1), [0, 1]),  # the diagonal
+        ((1, 1, 0), [0, 2]),  # the edge of roof and wall
+        ((0, 1, 0), [0, 1, 2, 3]),
+        ((1, 0.999, 1), []),
+        ((1, 1.001, 1), []),
+        ((2.001, 1, 1), []),  # in the plane, beyond the edge
+        ((-1, 1, -1), []),
+        ((9, 9, 9), []),
+    ],
+)
+def test_a_light_lies_on_the_triangles_that_hold_it(light, held, shift, precision):
+    assert held_at(precision, light, shift) == held
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_no_light_lies_on_what_has_no_area_or_is_not_there(precision):
+    assert held_at(precision, (1, 1, 0), faces=np.array([[0, 1, 1], [0, 1, 5]])) == [1]
+    assert held_at(precision, (1, 1, 0), faces=np.zeros((0, 3), np.int64)) == []
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_in_a_large_mesh_it_lies_on_the_same_triangles_as_by_looking_at_each(precision):
+    bvh = rt.BVH(*rays.torus(40, 20), precision)
+    corners = bvh.triangles[:, :9].reshape(-1, 3, 3)
+    for k in range(0, len(corners), 97):
+        assert triangles_at(bvh.tree, bvh.triangles, corners[k].mean(axis=0)).tolist() == [k]
+        around = (corners == corners[k, 0]).all(axis=-1).any(axis=-1)
+        assert sorted(triangles_at(bvh.tree, bvh.triangles, corners[k, 0])) == np.flatnonzero(around).tolist()
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_off_the_triangles_that_hold_it_a_shadow_ray_knows_on_which_side_a_light_is(precision):
+    """Lights at exactly the margin of a triangle, on both sides; rays to them from all over a larger scene."""
+    rng, unit = np.random.default_rng(7), np.finfo(precision).eps / 2
+    tried = 0
+    for _ in range(40):
+        shift = rng.choice([0, 1, 30]) * rng.normal(size=3)
+        corners = (rng.normal(size=(3, 3)) + shift).astype(precision)
+        low, high = corners.min(axis=0) - 5.0, corners.max(axis=0) + 5.0  # the scene
+        normal = np.cross(*(corners[1:].astype(np.float64) - corners[0]))
+        normal /= np.linalg.norm(normal)
+        margin = ROUNDINGS * unit * (2 * np.abs(corners).max(axis=0) + SPAN * (high - low))
+        bvh = rt.BVH(corners, [[0, 1, 2]], precision)
+        for side in (-1, 1):
+            light = (corners.mean(axis=0) + side * (np.abs(normal) @ margin) * normal).astype(precision)
+            o = rng.uniform(low, high, (20, 3)).astype(precision)
+            blocked = bvh.any_hit(o, light - o, 0.0, 1.0)
+            with mpmath.workdps(exact.DIGITS):
+                a, b, c = (exact.vector(corner) for corner in corners)
+                n = exact.cross(exact.plus(b, -1, a), exact.plus(c, -1, a))
+                heights = [float(exact.dot(n, exact.plus(exact.vector(p), -1, a))) for p in (light, *o)]
+            # the light is over the middle: what comes at more than 1e-3 to the plane crosses it inside the triangle
+            slope = np.abs((light - o) @ normal) / np.linalg.norm(light - o, axis=1)
+            between = np.sign(heights[0]) != np.sign(heights[1:])
+            assert (blocked == between)[slope > 1e-3].all()
+            tried += np.count_nonzero(slope > 1e-3)
+    assert tried > 1500

@@ -1,9 +1,9 @@
 """Mirror and Snell against 50 digits, and origins of rays."""
 
-import mpmath
 import numpy as np
 import pytest
 
+import exact_optics
 import naive
 import rays
 import raytrace as rt
@@ -20,52 +20,66 @@ def directions(n, seed):
     return np.sin(angle) * along - np.cos(angle) * normal, normal
 
 
-def unit(a):
-    a = [mpmath.mpf(float(x)) for x in a]
-    return mpmath.matrix(a) / mpmath.norm(mpmath.matrix(a))
-
-
-def mirror(d, n):
-    """Mirrored direction, with 50 digits."""
-    with mpmath.workdps(50):
-        d, n = unit(d), unit(n)
-        return [float(x) for x in d - 2 * (d.T * n)[0] * n]
-
-
-def snell(d, n, eta):
-    """Refracted or mirrored direction with 50 digits, and the square of its cosine (negative: reflection is total)."""
-    with mpmath.workdps(50):
-        a, b = unit(d), unit(n)
-        cosine, eta = (a.T * b)[0], mpmath.mpf(float(eta))
-        rest = 1 - (1 - cosine**2) / eta**2
-        if rest <= 0:
-            return mirror(d, n), float(rest)
-        return [float(x) for x in (a - cosine * b) / eta - mpmath.sqrt(rest) * b], float(rest)
-
-
 @pytest.mark.parametrize("precision", TOLERANCE)
-@pytest.mark.parametrize("eta", [1.5, 1 / 1.5, 1.0001, 0.9999, 2.4, 1 / 2.4, 1e3])
-def test_refract_agrees_with_fifty_digits(eta, precision):
-    d, n = (a.astype(precision) for a in directions(300, 1))
+@pytest.mark.parametrize("eta", exact_optics.INDICES)
+@pytest.mark.parametrize("where", exact_optics.WHERE)
+def test_refract_agrees_with_fifty_digits(where, eta, precision):
+    eta = np.array(eta, precision)
+    d, n = exact_optics.at_angles(exact_optics.angles(where, float(eta), 60, seed=1), 2, precision)
     out, total = rt.refract(d, n, eta)
     assert out.dtype == precision
-    expected, rest = (
-        np.array(a)
-        for a in zip(*(snell(*row, np.array(eta, precision)) for row in zip(d, n, strict=True)), strict=True)
-    )
-    # the error of 1 - sin^2 is eps, that of its root eps / cos: near the critical angle any digit may be lost
-    clear = np.abs(rest) > 0.01
-    assert clear.mean() > 0.4
-    assert np.array_equal(total[clear], rest[clear] < 0)
-    np.testing.assert_allclose(out[clear], expected[clear], rtol=0, atol=TOLERANCE[precision])
-    assert total.any() == (eta < 1)
+    for k in range(len(d)):
+        assert exact_optics.agrees(out[k], total[k], (d[k], n[k], eta), TOLERANCE[precision]), (d[k], n[k])
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("precision", TOLERANCE)
+def test_every_direction_about_the_critical_angle_has_a_unit_result(precision):
+    eta = np.array(1 / 1.5, precision)
+    d, n = exact_optics.at_angles(np.full(4000, np.arcsin(float(eta))), 3, precision)
+    ulps = np.random.default_rng(4).integers(-3, 4, d.shape)
+    out, total = rt.refract((d + ulps * np.spacing(d)).astype(precision), n, eta)
+    assert 0.2 < total.mean() < 0.8
+    np.testing.assert_allclose(np.linalg.norm(out.astype(np.float64), axis=1), 1, atol=2 * np.finfo(precision).eps)
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("precision", TOLERANCE)
+@pytest.mark.parametrize("eta", [1e-3, 1e3, 1e-25, 1e25, 1e-38, 1e38])
+def test_extreme_indices_give_unit_directions(eta, precision):
+    d, n = (a.astype(precision) for a in directions(2000, 11))
+    d[0] = -n[0]
+    out, total = rt.refract(d, n, eta)
+    np.testing.assert_allclose(np.linalg.norm(out.astype(np.float64), axis=1), 1, atol=2 * np.finfo(precision).eps)
+    if eta > 1:
+        assert not total.any()
+        np.testing.assert_allclose(out, -n, atol=2 / eta + 1e-6)
+    else:
+        assert total.mean() > 0.7  # those nearest to the normal get through
+        assert (naive.dot(out[total].astype(np.float64), n[total]) > 0).all()
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("precision", TOLERANCE)
+def test_a_thousand_bounces_keep_the_length(precision):
+    d, n = (a.astype(precision) for a in directions(100, 12))
+    rng = np.random.default_rng(13)
+    worst = 0.0
+    for k in range(1000):
+        d = rt.reflect(d, n) if k % 2 else rt.refract(d, n, rng.uniform(0.5, 2, 100))[0]
+        worst = max(worst, np.abs(np.linalg.norm(d.astype(np.float64), axis=1) - 1).max())
+        n = naive.unit(rng.normal(size=(100, 3)))
+        n = np.where(naive.dot(n, d)[:, None] > 0, -n, n).astype(precision)
+    assert worst < 2 * np.finfo(precision).eps
 
 
 @pytest.mark.parametrize("precision", TOLERANCE)
 def test_reflect_agrees_with_fifty_digits(precision):
     d, n = (a.astype(precision) for a in directions(300, 2))
-    expected = [mirror(*row) for row in zip(d, n, strict=True)]
-    np.testing.assert_allclose(rt.reflect(d, n), expected, rtol=0, atol=TOLERANCE[precision])
+    out = rt.reflect(d, n)
+    for k in range(len(d)):
+        truth = exact_optics.mirror(*(exact_optics.unit(exact_optics.vector(a[k])) for a in (d, n)))
+        assert exact_optics.distance(out[k], truth) < TOLERANCE[precision]
 
 
 @pytest.mark.nojit

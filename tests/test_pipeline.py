@@ -39,7 +39,7 @@ def test_float64_equals_the_twin(path):
 @each_scene
 def test_float32_equals_the_twin(path):
     scene, rgb, ask = twin(path)
-    # gamma(16) = 1e-6 of the coordinates, a hundredfold of it through curved glass; no sample changes its surface here
+    # gamma(27) = 2e-6 of the coordinates, a hundredfold of it through curved glass; no sample changes its surface here
     np.testing.assert_allclose(rt.render(scene, precision="float32", **ask).rgb, rgb, rtol=1e-4, atol=1e-6)
 
 
@@ -81,7 +81,7 @@ def test_random_triangles_equal_the_twin(seed, scale, shift):
     scene = heap(seed, scale, shift)
     rgb = naive.render(scene, film_points("sobol", 0, 2, (0, 0, 32, 24)), (32, 24))
     picture = rt.render(scene, size=(32, 24), spp=2, precision="float64").rgb
-    # points are off by gamma(16) x 1e4 = 2e-11 where shifted; a few bounces may multiply that
+    # points are off by gamma(27) x 1e4 = 3e-11 where shifted; a few bounces may multiply that
     np.testing.assert_allclose(picture, rgb, rtol=6.1e-8 if shift == 0 else 1e-6, atol=1e-12)
 
 

@@ -23,6 +23,10 @@ def placed(count, place, seed, precision):
     corners = rng.normal(size=(count, 3, 3))
     corners[::4, 2] = corners[::4, 0] + 0.02 * (corners[::4, 2] - corners[::4, 0])  # slivers
     corners[1::4, :, 1] = 0.3  # in a plane of constant y
+    corners[2::8, :, 1:] *= 1e-4  # along an axis
+    large = corners[3::8] - corners[3::8].mean(axis=1, keepdims=True)  # 200 wide, its plane 1/1000 from the origin
+    flat = np.cross(large[:, 1] - large[:, 0], large[:, 2] - large[:, 0])
+    corners[3::8] = 100 * large + 1e-3 * (flat / np.linalg.norm(flat, axis=1, keepdims=True))[:, None]
     return (scale * corners + shift * np.array([1.0, -0.7, 0.4])).astype(precision)
 
 

@@ -7,8 +7,6 @@ import numpy as np
 from raytrace.accel.lanes import absolute, fma, lane_max, lane_min, maximum, minimum, select, splat
 from raytrace.jit import inlined
 
-MIN_DIRECTION = 2.0**-60  # of directions of ordinary length: smaller components would make o / d overflow
-
 
 class Slabs(NamedTuple):
     """What the slab test needs of rays; lanes, or scalars for one ray.
@@ -37,15 +35,18 @@ def slab_axis(o, d, eps):
     """The pairs (i, c) of one axis, near and far; ``eps`` is the machine epsilon of o and d.
 
     The reciprocal and the fma each err by at most eps / 2 relative to t, so 2 eps covers both; the product o i errs by
-    eps / 2 of itself, which does not shrink with t, so it is allowed for on its own.
+    eps / 2 of itself, which does not shrink with t, so it is allowed for on its own. Where t < 0 the factor goes the
+    wrong way, by 3 eps |t| <= 3 eps (|x i| + |o i|): boxes are widened by more than the first, and 5 eps |o i| covers
+    the second too. Components below eps^3 count as that: o / d must not overflow, and so little bends no ray.
     """
-    d = select(d < 0.0, minimum(d, -MIN_DIRECTION), maximum(d, MIN_DIRECTION))
+    least = eps * eps * eps
+    d = select(d < 0.0, minimum(d, -least), maximum(d, least))
     i = 1.0 / d
     near_i = i * (1.0 - 2.0 * eps)
     far_i = i * (1.0 + 2.0 * eps)
     near_c = -(o * near_i)
     far_c = -(o * far_i)
-    return near_i, far_i, near_c - absolute(near_c) * eps, far_c + absolute(far_c) * eps
+    return near_i, far_i, near_c - absolute(near_c) * (5.0 * eps), far_c + absolute(far_c) * (5.0 * eps)
 
 
 @inlined

@@ -23,7 +23,7 @@ from raytrace.parallel import run
 from raytrace.records import Hits, Rays, Surface, Work
 
 CHUNK = 1 << 17  # rays handed to a thread at a time
-GAMMA = 16  # see passes/surface.py
+ROUNDINGS, EXTENTS = 3, 4  # see passes/surface.py
 
 
 class BVH:
@@ -185,8 +185,9 @@ class BVH:
         Returns
         -------
         Surface
-            ``p`` (n, 3), ``p_error`` (n, 3): absolute bound on its rounding error, ``ng`` (n, 3): unit geometric normal
-            (v1 - v0) x (v2 - v0) normalised. NaN in the rows of misses.
+            ``p`` (n, 3), ``p_error`` (n, 3): absolute bound on its rounding error and on that of testing a ray from it
+            against the same triangle, ``ng`` (n, 3): unit geometric normal (v1 - v0) x (v2 - v0) normalised. NaN in
+            the rows of misses.
 
         Examples
         --------
@@ -201,9 +202,10 @@ class BVH:
         v0, v1, v2, ng = corners[:, 0:3], corners[:, 3:6], corners[:, 6:9], corners[:, 9:12]
         u, v = np.asarray(hits.u)[:, None], np.asarray(hits.v)[:, None]
         unit = np.finfo(corners.dtype).eps / 2
-        gamma = corners.dtype.type(GAMMA * unit / (1 - GAMMA * unit))
-        largest = np.maximum(np.maximum(np.abs(v0), np.abs(v1)), np.abs(v2))
-        return Surface((1 - u - v) * v0 + (u * v1 + v * v2), gamma * largest, ng)
+        gamma = corners.dtype.type(ROUNDINGS * unit / (1 - ROUNDINGS * unit))
+        low, high = np.minimum(np.minimum(v0, v1), v2), np.maximum(np.maximum(v0, v1), v2)
+        p = v0 + (u * (v1 - v0) + v * (v2 - v0))
+        return Surface(p, gamma * (np.abs(p) + EXTENTS * (high - low)), ng)
 
     @property
     def stats(self) -> TreeStats:

@@ -191,4 +191,4 @@ def lane_max(x):
 
 def first_bit(x):
     """Number of the lowest bit that is set; ``x`` is not 0."""
-    return (x & -x).bit_length() - 1
+    return int(x & -x).bit_length() - 1

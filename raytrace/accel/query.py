@@ -33,7 +33,7 @@ from raytrace.accel.packet import any_packet, closest_packet
 from raytrace.accel.vectors import scaled
 from raytrace.jit import inlined, kernel
 
-ORDINARY = 2.0**20  # directions whose largest component lies within 1 / this .. this are taken as they are
+ORDINARY = 2.0**10  # directions whose largest component lies within 1 / this .. this are taken as they are
 LIFT = 2.0**64  # brings the shortest directions to where their exponent is normal
 
 

@@ -3,11 +3,55 @@
 import numpy as np
 
 from raytrace.accel.lanes import count, load, packet, packet_width, select, splat, sqrt, store
+from raytrace.accel.layout import boxes_of, children_of, triangles_of
 from raytrace.accel.vectors import dot
 from raytrace.jit import kernel
-from raytrace.passes.surface import load3, row_of, spawn, store3
+from raytrace.passes.surface import ROUNDINGS, load3, row_of, spawn, store3
 
 FOUR_PI = 4.0 * np.pi
+SPAN = 8  # times 3 roundings: by how many of the scene's extent the end of a shadow ray may be off
+
+
+def triangles_at(tree, triangles, position):
+    """Find the triangles on which a light lies, as far as its shadow rays can tell.
+
+    Parameters
+    ----------
+    tree : Tree
+    triangles : (m, 12) f array
+        v0, v1, v2 and the unit normal of each.
+    position : (3,) f array, world units
+
+    Returns
+    -------
+    (k,) int array
+        Numbers of triangles. In exact arithmetic a shadow ray meets them at its end, t = 1, which is not part of it;
+        with rounding, just before or after.
+
+    Notes
+    -----
+    A ray tells how far the light is from a plane to gamma(24) times the extent of the scene, from any part of which it
+    may come, and gamma(3) times the coordinates, which are themselves rounded [docs/numerics.md].
+    """
+    light, unit = position.astype(np.float64), np.finfo(triangles.dtype).eps / 2.0
+    gamma = ROUNDINGS * unit / (1.0 - ROUNDINGS * unit)
+    bounds, child = boxes_of(tree.nodes), children_of(tree.nodes)
+    low, high = bounds[0, :3].min(axis=1), bounds[0, 3:].max(axis=1)
+    extent = np.maximum(high, light) - np.minimum(low, light)
+    margin = gamma * (np.maximum(np.maximum(-low, high), 0.0) + np.abs(light) + SPAN * extent)
+    near = child < 0
+    for axis in range(3):
+        near &= bounds[:, axis] <= light[axis] + margin[axis]
+        near &= bounds[:, axis + 3] >= light[axis] - margin[axis]
+    prims = triangles_of(tree.leaves)[~child[near]].ravel()
+    prims = prims[prims >= 0]
+    corners, normal = triangles[prims, :9].astype(np.float64).reshape(-1, 3, 3), triangles[prims, 9:]
+    reach = gamma * (np.abs(corners).max(axis=1) + np.abs(light) + SPAN * extent)
+    on = np.abs(np.sum(normal * (light - corners[:, 0]), axis=1)) <= np.sum(np.abs(normal) * reach, axis=1)
+    for k in range(3):
+        inward = np.cross(normal, corners[:, (k + 1) % 3] - corners[:, k])
+        on &= np.sum(inward * (light - corners[:, k]), axis=1) >= -np.sum(np.abs(inward) * reach, axis=1)
+    return prims[on]
 
 
 @kernel
@@ -33,12 +77,12 @@ def shadow_rays(points, position, shadows):
         o = spawn(load3(points.p, i, n, like), ng, offset)
         d = position[0] - o[0], position[1] - o[1], position[2] - o[2]
         r2 = dot(d, d)
-        cosine = dot(d, ns)  # times r
+        cosine = dot(d, ns)  # times r; r^3 would leave the range of the floats long before r^2 does
         lit = (offset >= 0.0) & (dot(d, ng) > 0.0) & (cosine > 0.0)
         store3(shadows.o, i, n, o)
         store3(shadows.d, i, n, d)
         store(shadows.tmax, i, select(lit, splat(1.0, like), -1.0))
-        store(shadows.irradiance, i, select(lit, cosine / (FOUR_PI * r2 * sqrt(r2)), 0.0))
+        store(shadows.irradiance, i, select(lit, cosine / sqrt(r2) / (FOUR_PI * r2), 0.0))
         sent += count(lit)
     return sent
 

@@ -33,18 +33,22 @@ def reflect_direction(d, n):
 def refract_direction(d, n, eta):
     """Snell's law; n on the ray's side, eta = transmitted / incident. Unit direction, total internal reflection.
 
-    The part of d along the surface, s = d - (d . n) n, has length sin_i and is divided by eta; what is left to unit
-    length goes against n. Nothing is lost near normal incidence, where s is small [Pharr2023, 9.3].
+    The part of d along the surface has length sin_i and is divided by eta; what is left to unit length goes against n.
+    It is taken from d + n, which is small near normal incidence and exact there; cos_t^2 is taken from the cosine, or
+    from the sine, whichever is the smaller: so neither loses digits [Pharr2023, 9.3; docs/numerics.md].
     """
+    inverse = 1.0 / eta
     cosine = dot(d, n)
-    s = (d[0] - cosine * n[0]) / eta, (d[1] - cosine * n[1]) / eta, (d[2] - cosine * n[2]) / eta
-    rest = 1.0 - dot(s, s)
-    total = rest <= 0.0
+    between = d[0] + n[0], d[1] + n[1], d[2] + n[2]
+    along = dot(between, n)
+    s = scaled((between[0] - along * n[0], between[1] - along * n[1], between[2] - along * n[2]), inverse)
+    level = (eta - 1.0) * inverse * (1.0 + inverse) + (cosine * inverse) * (cosine * inverse)
+    rest = select(cosine * cosine < 0.5, level, 1.0 - dot(s, s))
+    same = eta == 1.0
+    total = ~(rest > 0.0) & ~same
     down = sqrt(maximum(rest, 0.0))
     through = unit((s[0] - down * n[0], s[1] - down * n[1], s[2] - down * n[2]))
     mirror = unit(reflect_direction(d, n))
-    same = eta == 1.0
-    total = total & ~same
     return choose3(total, mirror, choose3(same, d, through)), total
 
 

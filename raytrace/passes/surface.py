@@ -8,6 +8,7 @@ from raytrace.accel.lanes import (
     load,
     machine_epsilon,
     maximum,
+    minimum,
     packet,
     packet_width,
     select,
@@ -17,9 +18,10 @@ from raytrace.accel.lanes import (
 from raytrace.accel.vectors import dot, scaled, unit
 from raytrace.jit import inlined, kernel
 
-# A point of a triangle, and the plane that a ray from it is tested against, are off by a few roundings of numbers as
-# large as the triangle's coordinates: gamma(n) = n u / (1 - n u) [Higham2002, 3.1], n = 16 with room to spare.
-GAMMA = 16
+# A point is off by roundings of its coordinates, and the test of a ray from it by roundings of the triangle's extent: 3
+# of the first and 12 of the second bound both, gamma(3) (|p| + 4 extents) with gamma(n) = n u / (1 - n u)
+# [Higham2002, 3.1]. docs/numerics.md counts them.
+ROUNDINGS, EXTENTS = 3, 4
 
 
 @inlined
@@ -50,9 +52,8 @@ def store3(a, i, n, x):
 
 @inlined
 def blend(a, b, c, u, v):
-    """(1 - u - v) a + u b + v c."""
-    w = 1.0 - u - v
-    return w * a + (u * b + v * c)
+    """(1 - u - v) a + u b + v c, as a + (u (b - a) + v (c - a)): most roundings are of numbers no larger than edges."""
+    return a + (u * (b - a) + v * (c - a))
 
 
 @inlined
@@ -62,12 +63,9 @@ def blend3(a, b, c, u, v):
 
 
 @inlined
-def reach(a, b, c, n):
-    """Sum over axes of |n| times the largest |coordinate| of a triangle: times gamma, how far its points may be off."""
-    x = absolute(n[0]) * maximum(maximum(absolute(a[0]), absolute(b[0])), absolute(c[0]))
-    y = absolute(n[1]) * maximum(maximum(absolute(a[1]), absolute(b[1])), absolute(c[1]))
-    z = absolute(n[2]) * maximum(maximum(absolute(a[2]), absolute(b[2])), absolute(c[2]))
-    return x + y + z
+def extent(a, b, c):
+    """Largest minus smallest of three."""
+    return maximum(maximum(a, b), c) - minimum(minimum(a, b), c)
 
 
 @inlined
@@ -75,8 +73,11 @@ def point_on(triangles, prim, u, v, eps):
     """Point, unit geometric normal, and how far along it a ray must start, of hits."""
     a, b, c = vector_of(triangles, prim, 12, 0), vector_of(triangles, prim, 12, 3), vector_of(triangles, prim, 12, 6)
     n = vector_of(triangles, prim, 12, 9)
-    gamma = GAMMA * (0.5 * eps) / (1.0 - GAMMA * (0.5 * eps))
-    return blend3(a, b, c, u, v), n, reach(a, b, c, n) * gamma
+    p = blend3(a, b, c, u, v)
+    x = absolute(n[0]) * (absolute(p[0]) + EXTENTS * extent(a[0], b[0], c[0]))
+    y = absolute(n[1]) * (absolute(p[1]) + EXTENTS * extent(a[1], b[1], c[1]))
+    z = absolute(n[2]) * (absolute(p[2]) + EXTENTS * extent(a[2], b[2], c[2]))
+    return p, n, (x + y + z) * (ROUNDINGS * (0.5 * eps) / (1.0 - ROUNDINGS * (0.5 * eps)))
 
 
 @inlined

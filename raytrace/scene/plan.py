@@ -2,25 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from raytrace.records import REFRACTIVE, Mesh, Scene
-
-GAMMA = 16  # roundings of a point's coordinates, as in passes/surface.py
-TOLERANCE = 0.01  # of the smallest feature: the largest error of position that float32 may make
-FLOAT32_RANGE = 1e-12, 1e12  # world units: features and coordinates whose cubes and squares stay normal numbers
-
-
-class Precision(NamedTuple):
-    """The precision chosen and the bound that chose it."""
-
-    name: str  # "float32" or "float64"
-    why: str
-    largest: float  # world units: largest coordinate of meshes, camera and lights
-    feature: float  # world units: smallest height of a triangle that has an area
-    error: float  # world units: bound on the error of a point's coordinates in float32
+from raytrace.records import REFRACTIVE, Scene
+from raytrace.scene.precision import Precision, choose_precision
 
 
 @dataclass(frozen=True)
@@ -72,6 +59,11 @@ def make_plan(scene: Scene) -> Plan:
     Returns
     -------
     Plan
+
+    Raises
+    ------
+    SceneError
+        No precision can hold the scene.
     """
     used = np.unique(scene.mesh.material_id)
     refractive = used[scene.materials.kind[used] == REFRACTIVE]
@@ -92,40 +84,6 @@ def make_plan(scene: Scene) -> Plan:
     )
 
 
-def choose_precision(scene: Scene) -> Precision:
-    """Apply the scene's wish; ``auto`` takes float32 where its error stays small against the smallest feature.
-
-    A point's coordinates are off by at most gamma(16) times the largest coordinate, gamma(n) = n u / (1 - n u), with
-    unit roundoff u [Higham2002, section 3.1]. float32 serves where that is below 1 % of the smallest feature.
-    """
-    unit = float(np.finfo(np.float32).eps) / 2
-    gamma = GAMMA * unit / (1 - GAMMA * unit)
-    places = scene.mesh.vertices, scene.camera.position, scene.lights.position
-    largest = max(float(np.abs(place).max(initial=0.0)) for place in places)
-    feature = smallest_height(scene.mesh)
-    error = gamma * largest
-    if scene.settings.precision != "auto":
-        return Precision(scene.settings.precision, "asked for by the scene", largest, feature, error)
-    bound = f"error of a point at most gamma(16) x {largest:.3g} = {error:.2g}"
-    limit = f"{TOLERANCE:.0%} of the smallest feature, {feature:.2g}"
-    if feature < FLOAT32_RANGE[0] or largest > FLOAT32_RANGE[1]:
-        return Precision(
-            "float64", f"sizes leave {FLOAT32_RANGE[0]:g} .. {FLOAT32_RANGE[1]:g}", largest, feature, error
-        )
-    if error > TOLERANCE * feature:
-        return Precision("float64", f"in float32, {bound}, is more than {limit}", largest, feature, error)
-    return Precision("float32", f"{bound}, is less than {limit}", largest, feature, error)
-
-
-def smallest_height(mesh: Mesh) -> float:
-    """Smallest height of the triangles that have an area: twice the area divided by the longest side; inf for none."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    sides = np.stack([b - a, c - b, a - c])
-    longest = np.sqrt((sides**2).sum(axis=-1)).max(axis=0, initial=0.0)
-    area = np.linalg.norm(np.cross(sides[0], sides[2]), axis=-1)
-    return float((area[area > 0] / longest[area > 0]).min(initial=np.inf))
-
-
 def _count(number: int, noun: str) -> str:
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
@@ -140,7 +98,7 @@ def _passes(scene: Scene, refraction: bool, smooth: bool, transparent: bool) -> 
         rows.append(("surface", f"points and {normals} where rays landed"))
         each = "a ray a sample" if lights == 1 else f"{lights} rays a sample, a light at a time"
         tree = "a tree without transparent surfaces" if transparent else "the same tree"
-        rows.append(("shadow", f"{each}, through {tree}; none where the light is behind"))
+        rows.append(("shadow", f"{each}, through {tree}, or one without the triangles that the light lies on"))
         rows.append(("light", "albedo / pi times what arrives"))
     rows.append(("film", "twelve sums a pixel: three channels in four bins"))
     return tuple(rows)
@@ -174,7 +132,7 @@ def explain(scene: Scene | str | Path | dict[str, Any]) -> Plan:
     Raises
     ------
     SceneError, FileError
-        As ``load`` does.
+        As ``load`` does; and SceneError for a scene that no precision can hold.
 
     Examples
     --------

@@ -1,0 +1,138 @@
+"""Which precision can hold a scene: bounds on what rounding does to it, and what is nearer together than they tell."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.errors import SceneError
+from raytrace.records import Mesh, Scene
+
+GAMMA = 27  # roundings, of the largest coordinate, by which a point may be off: 3 + 12 x 2 of passes/surface.py
+TOLERANCE = 0.01  # of the smallest feature: the largest error of position that float32 may make
+FLOAT32_RANGE = 1e-12, 1e12  # world units: areas, and the rounding errors of areas, stay normal numbers
+FLOAT64_RANGE = 1e-75, 1e75  # world units: squares of areas do, which the choice of precision takes
+FLOAT32_LEVELS = 1e-30, 1e30  # fluxes, radiances and indices that leave room for what is computed from them
+
+Axes = NDArray[np.float64]  # (3, m): all x, all y, all z
+
+
+class Precision(NamedTuple):
+    """The precision chosen and the bound that chose it."""
+
+    name: str  # "float32" or "float64"
+    why: str
+    largest: float  # world units: largest coordinate of meshes and camera
+    feature: float  # world units: smallest height of a triangle that has an area
+    error: float  # world units: bound on the error of a point's place in float32
+
+
+def gamma(precision: str) -> float:
+    """Bound the relative error of ``GAMMA`` roundings: n u / (1 - n u), u the unit roundoff [Higham2002, section 3.1].
+
+    Examples
+    --------
+    >>> round(gamma("float32") * 2**24, 3)
+    27.0
+    """
+    unit = float(np.finfo(precision).eps) / 2
+    return GAMMA * unit / (1 - GAMMA * unit)
+
+
+def choose_precision(scene: Scene) -> Precision:
+    """Apply the scene's wish; ``auto`` takes float32 where its error stays small against the smallest feature.
+
+    A point's place is off by at most gamma(27) times the largest coordinate. float32 serves where that is below 1 % of
+    the smallest feature.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    Precision
+
+    Raises
+    ------
+    SceneError
+        Not even float64 can hold the scene: an object is too small for the place where it lies.
+    """
+    _check_sizes(scene)
+    largest = _largest(scene.mesh.vertices, scene.camera.position)
+    feature, asked = smallest_height(scene.mesh), scene.settings.precision
+    name, why = _choose(scene, largest, feature) if asked == "auto" else (asked, "asked for by the scene")
+    error = gamma(name) * largest
+    if error > TOLERANCE * feature:
+        why += f"; features below {error / TOLERANCE:.2g} are not safe in {name}"
+    return Precision(name, why, largest, feature, gamma("float32") * largest)
+
+
+def _choose(scene: Scene, largest: float, feature: float) -> tuple[str, str]:
+    """Name of the precision that serves, and why."""
+    low, high = FLOAT32_RANGE
+    if feature < low or max(largest, _largest(scene.lights.position)) > high:
+        return "float64", f"sizes leave {low:g} .. {high:g}"
+    low, high = FLOAT32_LEVELS
+    levels = np.concatenate([scene.lights.flux.ravel(), scene.background, scene.materials.ior])
+    if levels[levels > 0].min(initial=1.0) < low or levels.max(initial=1.0) > high:
+        return "float64", f"fluxes, background or indices leave {low:g} .. {high:g}"
+    error = gamma("float32") * largest
+    bound = f"error of a point at most gamma({GAMMA}) x {largest:.3g} = {error:.2g}"
+    limit = f"{TOLERANCE:.0%} of the smallest feature, {feature:.2g}"
+    if error > TOLERANCE * feature:
+        return "float64", f"in float32, {bound}, is more than {limit}"
+    return "float32", f"{bound}, is less than {limit}"
+
+
+def _largest(*places: NDArray[np.float64]) -> float:
+    return max(float(np.abs(place).max(initial=0.0)) for place in places)
+
+
+def smallest_height(mesh: Mesh) -> float:
+    """Smallest height of the triangles that have an area: twice the area divided by the longest side; inf for none."""
+    a, b, c = _corners(mesh)
+    first, second, third = b - a, c - b, a - c
+    longest = np.sqrt(np.maximum.reduce([_dot(side, side) for side in (first, second, third)]))
+    area = np.cross(first, third, axis=0)
+    area = np.sqrt(_dot(area, area))
+    return float((area[area > 0] / longest[area > 0]).min(initial=np.inf))
+
+
+def _corners(mesh: Mesh) -> Axes:
+    """Corners of the triangles, (3 corners, 3 axes, m)."""
+    columns = np.ascontiguousarray(mesh.vertices.T)
+    return np.stack([columns[:, mesh.faces[:, k]] for k in range(3)])
+
+
+def _dot(a: Axes, b: Axes) -> Axes:
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+def _check_sizes(scene: Scene) -> None:
+    """Refuse what leaves the range of float64, and objects smaller than a hundred of its errors where they lie."""
+    where, mesh = scene.source or "scene", scene.mesh
+    low, high = FLOAT64_RANGE
+    camera = _largest(scene.camera.position)
+    places = {"camera": camera} | {f"lights[{k}]": _largest(p) for k, p in enumerate(scene.lights.position)}
+    problems = [
+        f"{where}: {name}: coordinates reach {far:.3g}; expected at most {high:g}"
+        for name, far in places.items()
+        if far > high
+    ]
+    corners, first = _corners(mesh), np.flatnonzero(np.diff(mesh.object_id, prepend=-1))
+    lowest = np.minimum.reduceat(np.minimum.reduce(corners), first, axis=1)
+    highest = np.maximum.reduceat(np.maximum.reduce(corners), first, axis=1)
+    sizes, far = (highest - lowest).max(axis=0), np.maximum(-lowest, highest).max(axis=0)
+    for i, size, reach in zip(mesh.object_id[first], sizes.tolist(), np.maximum(far, camera).tolist(), strict=True):
+        what = f"{where}: objects[{i}]: {scene.objects[i]} is {size:.3g} large"
+        error = gamma("float64") * reach
+        if 0.0 < size < low:
+            problems.append(f"{what}; no precision holds less than {low:g}, use a larger scale")
+        elif size > 0.0 and error > TOLERANCE * size:
+            problems.append(
+                f"{what}, but with coordinates, of it or of the camera, up to {reach:.3g} even float64 places points "
+                f"only to gamma({GAMMA}) x {reach:.3g} = {error:.2g}; move both nearer to the origin"
+            )
+    if problems:
+        raise SceneError(problems)
