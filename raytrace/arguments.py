@@ -140,6 +140,7 @@ def report_options(parser: ArgumentParser) -> None:
     """Declare the options of ``report``."""
     add = parser.add_argument
     add("scene", type=Path, nargs="?", help="scene file (JSON) whose speed is measured against its error")
+    add("--hard-cases", action="store_true", help="rays that break ray tracers, judged exactly, instead of a scene")
     add("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the report")
     add("--reference", type=Path, metavar="FILE", help=".exr or .npz to judge by (default: one is drawn, and kept)")
     add("--budget", type=real_number(1, 1e9), default=60.0, metavar="SECONDS", help="time to measure in (default: 60)")

@@ -116,6 +116,7 @@ def _check(args: Namespace) -> int:
     scene = raytrace.load(args.scene)
     for warning in scene.warnings:
         print(f"warning: {warning}")
+    raytrace.explain(scene)  # says so where no precision holds the scene
     print(f"{args.scene}: ok")
     return DONE
 
@@ -139,11 +140,26 @@ def _compare(args: Namespace) -> int:
     return DIFFERENT if broken else DONE
 
 
+def _hard_cases(folder: Path) -> int:
+    from raytrace.report import hard_cases, hard_table
+    from raytrace.report.folder import check_folder
+
+    check_folder(folder)
+    tell = (lambda name, k, n: _say(f"{k + 1}/{n} {name}")) if at_terminal() else None
+    outcome = hard_cases.run(progress=tell)
+    print(hard_table.text(outcome), end="\n\n")
+    for path in hard_table.write(outcome, folder):
+        print(path)
+    return DIFFERENT if outcome.our_failures else DONE
+
+
 def _report(args: Namespace) -> int:
     from raytrace.report.sweep import report
 
+    if args.hard_cases:
+        return _hard_cases(args.output)
     if not args.scene:
-        raise ArgumentError(None, "report: which scene? raytrace report scene.json -o DIR")
+        raise ArgumentError(None, "report: which scene? raytrace report scene.json -o DIR (or --hard-cases)")
     with second_interrupt_leaves():
         scene = raytrace.load(args.scene)
         with Reporter(_say, bar=at_terminal()) as reporter:
@@ -196,7 +212,7 @@ VERBS = {
     "explain": Verb("show what a scene needs, what is left out, and why", _explain, _scene_option),
     "check": Verb("check a scene and its meshes without drawing", _check, _scene_option),
     "compare": Verb("measure how far a picture is from a reference", _compare, compare_options),
-    "report": Verb("measure speed against error, and write a page about it", _report, report_options),
+    "report": Verb("measure speed against error, or how hard rays fare; write a page", _report, report_options),
     "schema": Verb("print the JSON Schema of scene files", _schema),
     "warmup": Verb("compile kernels now, not at the first picture", _warmup),
     "doctor": Verb("show versions, processor, cache and optional packages", _doctor),
@@ -240,7 +256,7 @@ def main(argv: list[str] | None = None) -> int:
     -------
     int
         Exit code: 0 done, 1 internal failure, 2 command line (argparse itself leaves with it), 3 invalid scene,
-        4 unreadable or unwritable file, 5 comparison failed, 130 interrupted.
+        4 unreadable or unwritable file, 5 comparison or hard cases failed, 130 interrupted.
 
     Examples
     --------

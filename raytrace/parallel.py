@@ -1,24 +1,34 @@
 """Work on several threads: kernels let go of the interpreter's lock, so plain threads are all that is needed."""
 
+import operator
 import os
+import sys
 import threading
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+import time
+from collections.abc import Callable, Iterable, Iterator
 from queue import Empty, SimpleQueue
 from typing import Any
 
 from raytrace.errors import OptionError
 
 POLL = 0.1  # seconds between two looks at the keyboard
+GRAIN = 1024  # rows: what is shared out in ranges is cut at multiples of this
+LEAST, MOST = 1 << 14, 1 << 17  # rows of a range, if they are quick
+PIECE = 0.1  # seconds: about what a range takes at most, so that Ctrl-C is soon noticed
+WORTH = 0.0005  # seconds of work for which a thread is started, which takes a tenth of that
 
 
 def thread_count(threads: int | None) -> int:
     """Threads to use: as asked, or as many as the process may use cores."""
-    if threads is not None:
-        if threads < 1:
-            raise OptionError(f"threads: expected a number of at least 1, got {threads}")
-        return threads
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if threads is None:
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    try:
+        count = operator.index(threads)
+    except TypeError:
+        raise OptionError(f"threads: expected a whole number, got {threads!r}") from None
+    if count < 1:
+        raise OptionError(f"threads: expected a number of at least 1, got {count}")
+    return count
 
 
 def run(
@@ -52,10 +62,12 @@ def run(
 
     Notes
     -----
-    An error in a task, or Ctrl-C, ends the handing out; tasks under way are waited for, and it is raised here.
+    An error in a task, or Ctrl-C, ends the handing out; tasks under way are waited for, and it is raised here. Where
+    the system gives no thread (the interpreter is ending, or there are too many), the caller's does the work.
     """
     items, count = iter(items), thread_count(threads)
     turn, halt, news = threading.Lock(), threading.Event(), SimpleQueue[bool]()
+    errors: list[BaseException] = []
 
     def work() -> None:
         try:
@@ -66,23 +78,43 @@ def run(
                     return
                 task(item)
                 news.put(True)
-        except BaseException:
+        except BaseException as error:  # noqa: BLE001  (raised in the caller's thread)
             halt.set()
-            raise
+            errors.append(error)
         finally:
             news.put(False)
 
-    with ThreadPoolExecutor(count, thread_name_prefix="raytrace") as pool:
-        workers = [pool.submit(work) for _ in range(count)]
-        try:
-            _follow(news, count, report)
-            for worker in workers:
-                worker.result()
-        except BaseException:
-            halt.set()
-            cancel()
-            raise
+    workers = [threading.Thread(target=work, name=f"raytrace-{k}") for k in range(count)]
+    try:
+        started = _start(workers)
+        if started == 0:
+            work()
+        _follow(news, max(started, 1), report)
+        if errors:
+            raise errors[0]
+    except BaseException:
+        halt.set()
+        cancel()
+        raise
+    finally:
+        for worker in workers:
+            if worker.ident is not None:  # it was started
+                worker.join()
     return next(items, news) is news
+
+
+def _start(workers: Iterable[threading.Thread]) -> int:
+    """Start threads while the system gives any; how many."""
+    started = 0
+    for worker in workers:
+        if sys.is_finalizing():  # a new thread would wait for ever
+            break
+        try:
+            worker.start()
+        except RuntimeError:
+            break
+        started += 1
+    return started
 
 
 def _follow(news: SimpleQueue[bool], working: int, report: Callable[[int], None]) -> None:
@@ -98,3 +130,45 @@ def _follow(news: SimpleQueue[bool], working: int, report: Callable[[int], None]
             report(done)
         else:
             working -= 1
+
+
+def share_out(task: Callable[[int, int], object], n: int, threads: int | None) -> None:
+    """Call ``task`` with ranges (begin, end) that make up 0 .. n, here or on several threads, whichever is sooner.
+
+    Parameters
+    ----------
+    task : callable
+        Works on the rows of a range; releases the interpreter's lock while it does.
+    n : int
+        Rows.
+    threads : int or None
+        As ``thread_count`` takes it.
+
+    Notes
+    -----
+    The first rows are done here. How long they take tells whether the others are worth threads, and how many to hand
+    out at a time: few enough for Ctrl-C to be noticed soon, and fewer towards the end, so that threads end together.
+    """
+    count, pace = thread_count(threads), 0.0
+
+    def timed(part: tuple[int, int]) -> None:
+        nonlocal pace
+        began = time.perf_counter()
+        task(*part)
+        pace = (time.perf_counter() - began) / (part[1] - part[0])
+
+    def parts(begin: int) -> Iterator[tuple[int, int]]:
+        while begin < n:
+            rows = min(MOST, PIECE / max(pace, 1e-12), max(LEAST, (n - begin) / max(count, 1)))
+            end = min(n, begin + max(int(rows) // GRAIN, 1) * GRAIN)
+            yield begin, end
+            begin = end
+
+    if n > 0:
+        timed((0, min(n, GRAIN)))
+    count = min(count, int((n - GRAIN) * pace / WORTH))
+    if count > 1:
+        run(timed, parts(GRAIN), count)
+    else:
+        for part in parts(GRAIN):
+            timed(part)

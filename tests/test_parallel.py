@@ -1,11 +1,19 @@
 """Work on threads: all of it done, in the caller's hands."""
 
+import subprocess
+import sys
+import textwrap
 import threading
 import time
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from raytrace.parallel import run, thread_count
+from raytrace import parallel
+from raytrace.parallel import run, share_out, thread_count
 
 pytestmark = pytest.mark.nojit
 
@@ -89,12 +97,120 @@ def test_items_are_taken_as_they_are_needed():
     assert len(taken) < 100
 
 
+@pytest.mark.parametrize("given", [0, 1])  # threads, before the system has no more
+def test_where_there_are_no_more_threads_the_others_do_the_work(given, monkeypatch):
+    start, started = threading.Thread.start, []
+
+    def grudging(thread):
+        if len(started) == given:
+            raise RuntimeError("can't start new thread")
+        started.append(thread)
+        start(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", grudging)
+    done, reported = [], []
+    assert run(done.append, range(100), 3, report=reported.append)
+    assert sorted(done) == list(range(100))
+    assert reported == list(range(1, 101))
+
+
+def test_work_is_done_while_the_interpreter_ends():
+    program = """
+        from raytrace.parallel import run
+        class Last:
+            def __del__(self, run=run):
+                done = []
+                print(run(done.append, range(9), 2), sorted(done) == list(range(9)))
+        last = Last()
+    """
+    words = [sys.executable, "-c", textwrap.dedent(program)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, cwd=Path(__file__).parents[1])
+    assert (done.returncode, done.stdout, done.stderr) == (0, "True True\n", "")
+
+
+# --- rows ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def ranges(monkeypatch):
+    """``ranges(n, threads, pace)``: what is handed out, in order, and to whom, if a row takes ``pace`` seconds."""
+    clock = SimpleNamespace(now=0.0, perf_counter=lambda: clock.now)
+    monkeypatch.setattr(parallel, "time", clock)
+
+    def trial(n, threads, pace):
+        got, workers = [], set()
+
+        def task(begin, end):
+            got.append((begin, end))
+            workers.add(threading.get_ident())
+            clock.now += (end - begin) * pace
+
+        share_out(task, n, threads)
+        return sorted(got), workers
+
+    return trial
+
+
+@pytest.mark.parametrize("threads", [1, 3, None])
+@pytest.mark.parametrize("n", [0, 1, 1023, 1024, 1025, 50_000])
+def test_ranges_make_up_all_rows(ranges, n, threads):
+    got, _ = ranges(n, threads, 1e-6)
+    assert [begin for begin, _ in got[:1]] == [0][: n > 0]
+    assert [end for _, end in got[-1:]] == [n][: n > 0]
+    assert all(left[1] == right[0] for left, right in pairwise(got))
+    assert all(begin < end for begin, end in got)
+    assert all(begin % 1024 == 0 for begin, _ in got)  # so that packets are the same, however rows are shared out
+
+
+def test_little_work_stays_in_the_callers_thread(ranges):
+    here = {threading.get_ident()}
+    assert ranges(1024, 4, 1e-5)[1] == here
+    assert ranges(5000, 4, 1e-8)[1] == here
+    assert ranges(20_000, 1, 1e-6)[1] == here
+    assert ranges(200_000, 4, 1e-6)[1] > here  # the first range is done here, the others by threads
+
+
+def test_ranges_are_as_long_as_an_interrupt_may_wait(ranges):
+    most = {pace: max(end - begin for begin, end in ranges(9_000_000, 1, pace)[0]) for pace in (1e-5, 1e-6, 1e-9, 0)}
+    assert most == {1e-5: 9216, 1e-6: 99328, 1e-9: parallel.MOST, 0: parallel.MOST}
+    assert len(ranges(10_000, 2, 1e-3)[0]) == 10  # 1024 rows take 1 s: there is nothing shorter
+
+
+def test_ranges_get_shorter_towards_the_end(ranges):
+    for threads in (1, 3):
+        sizes = [end - begin for begin, end in ranges(2_000_000, threads, 1e-8)[0][1:]]
+        assert sizes == sorted(sizes, reverse=True)
+        assert sizes[0] == parallel.MOST
+        assert all(size <= max(parallel.LEAST, sum(sizes[k:]) / threads) for k, size in enumerate(sizes))
+
+
+@pytest.mark.parametrize(("n", "threads"), [(100, 1), (100_000, 1), (100_000, 2)])
+def test_an_error_in_a_range_is_raised_here(n, threads):
+    def task(begin, end):
+        time.sleep(1e-6 * (end - begin))
+        return 1 // (n - end)
+
+    with pytest.raises(ZeroDivisionError):
+        share_out(task, n, threads)
+
+
+# --- how many --------------------------------------------------------------------------------------------------------
+
+
 @pytest.mark.parametrize("threads", [0, -1])
 def test_fewer_threads_than_one_are_refused(threads):
     with pytest.raises(ValueError, match=f"threads: .*at least 1.*{threads}"):
         thread_count(threads)
-    with pytest.raises(ValueError, match="threads"):
-        run(print, [1], threads)
+    for call in (lambda: run(print, [1], threads), lambda: share_out(print, 0, threads)):
+        with pytest.raises(ValueError, match="threads"):
+            call()
+
+
+@pytest.mark.parametrize("threads", [1.0, "2", np.float32(2)])
+def test_a_number_of_threads_is_whole(threads):
+    with pytest.raises(ValueError, match="threads: expected a whole number"):
+        thread_count(threads)
+    assert thread_count(np.int8(2)) == 2
 
 
 def test_without_a_wish_all_cores_of_the_process_work():

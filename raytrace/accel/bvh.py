@@ -5,24 +5,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from raytrace.accel import reorder
 from raytrace.accel.build import LEAVES, build
-from raytrace.accel.door import (
-    check_faces,
-    check_limits,
-    check_points,
-    check_vertices,
-    columns_of,
-    one_of,
-    rays_from,
-    whole_strides,
-)  # fmt: skip
+from raytrace.accel.door import check_faces, check_rays, check_vertices, one_of, rays_of
 from raytrace.accel.grow import SPLITS
 from raytrace.accel.health import TreeStats, tree_problems, tree_stats
 from raytrace.accel.kinds import ROWS
 from raytrace.accel.lanes import NODE, PACKET
-from raytrace.parallel import run
-from raytrace.records import Hits, Rays, Surface, Work
+from raytrace.parallel import MOST, share_out
+from raytrace.records import Hits, Surface, Work
 
-CHUNK = 1 << 17  # rays handed to a thread at a time
 ROUNDINGS, EXTENTS = 3, 4  # see passes/surface.py
 
 
@@ -51,8 +41,14 @@ class BVH:
     -----
     A ray hits where t lies in the open interval (tmin, tmax). At equal t the lowest ``prim_id`` is returned, so that the
     answer never depends on the tree, the batch or the thread. Triangles without area are never hit. Rays that are not
-    finite or have no direction hit nothing. Triangles between 1e-15 and 1e15 in size are safe in float32: areas, and
-    their rounding errors, must be normal numbers.
+    finite or have no direction hit nothing.
+
+    Areas, and their rounding errors, must be normal numbers: the largest coordinate of a mesh may lie between 3e-16 and
+    1e18 in float32, between 1e-146 and 8e152 in float64, and is refused elsewhere.
+
+    Rays may be arrays of any type and layout. Those of the tree's type are read where they lie; others are converted
+    part by part, so that memory for a second copy is never needed. A ``BVH`` may be shared by threads, copied, pickled
+    and used after a fork; Ctrl-C ends a query, which then answers nothing.
 
     Examples
     --------
@@ -118,23 +114,21 @@ class BVH:
         >>> bvh.closest_hit([0.25, 0.25, 1], [[0, 0, -1], [0, 0, 1]]).t
         array([ 1., inf], dtype=float32)
         """
-        arrays, n = self._arrays(origins, directions, tmin, tmax)
-        rays = Rays(*(columns_of(array, n) for array in arrays))
         dtype = self.triangles.dtype
+        rays, n = check_rays(origins, directions, tmin, tmax, dtype)
         size = dtype.itemsize
         memory = np.empty(n * (3 * size + 4), np.uint8)  # one block, which the allocator gives again without new pages
         t, u, v = memory[: 3 * n * size].view(dtype).reshape(3, n)
         hits = Hits(t, memory[3 * n * size :].view(np.int32), u, v)
         rooms: list[reorder.Room] = []
 
-        def trace(begin: int) -> None:
-            count = min(CHUNK, n - begin)
-            part = Hits(*(column[begin : begin + count] for column in hits))
-            room = rooms.pop() if rooms else reorder.make_room(min(CHUNK, n), dtype, self.work())
-            reorder.closest_hit(self.tree, self.grid, rays_from(rays, begin), part, count, room)
+        def trace(begin: int, end: int) -> None:
+            part = Hits(*(column[begin:end] for column in hits))
+            room = rooms.pop() if rooms else reorder.make_room(min(MOST, n), dtype, self.work())
+            reorder.closest_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, end - begin, room)
             rooms.append(room)
 
-        run(trace, range(0, n, CHUNK), threads)
+        share_out(trace, n, threads)
         return hits
 
     def any_hit(
@@ -158,20 +152,18 @@ class BVH:
         >>> bvh.any_hit([0.25, 0.25, 1], [0, 0, -1], tmax=[0.5, 2])
         array([False,  True])
         """
-        arrays, n = self._arrays(origins, directions, tmin, tmax)
-        rays = Rays(*(columns_of(array, n) for array in arrays))
+        dtype = self.triangles.dtype
+        rays, n = check_rays(origins, directions, tmin, tmax, dtype)
         occluded = np.empty(n, np.bool_)
-
         rooms: list[reorder.Room] = []
 
-        def trace(begin: int) -> None:
-            count = min(CHUNK, n - begin)
-            part = occluded[begin : begin + count]
-            room = rooms.pop() if rooms else reorder.make_room(min(CHUNK, n), self.triangles.dtype, self.work())
-            reorder.any_hit(self.tree, self.grid, rays_from(rays, begin), part, count, room)
+        def trace(begin: int, end: int) -> None:
+            part = occluded[begin:end]
+            room = rooms.pop() if rooms else reorder.make_room(min(MOST, n), dtype, self.work())
+            reorder.any_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, end - begin, room)
             rooms.append(room)
 
-        run(trace, range(0, n, CHUNK), threads)
+        share_out(trace, n, threads)
         return occluded
 
     def surface(self, hits: Hits) -> Surface:
@@ -242,15 +234,3 @@ class BVH:
         dtype = self.triangles.dtype
         stack = np.empty(room, dtype), np.empty(room, np.int32), np.empty(room, np.int32)
         return Work(*stack, np.empty(ROWS * PACKET, dtype), np.empty(PACKET, np.int32), np.zeros(2, np.int64))
-
-    def _arrays(self, *rays: ArrayLike) -> tuple[list[NDArray[np.floating]], int]:
-        """Origins, directions, tmin, tmax in the precision of the tree, and the number of rays."""
-        dtype = self.triangles.dtype
-        names = "origins", "directions", "tmin", "tmax"
-        arrays = [check_points(name, value, dtype) for name, value in zip(names[:2], rays[:2], strict=True)]
-        arrays += [check_limits(name, value, dtype) for name, value in zip(names[2:], rays[2:], strict=True)]
-        lengths = {name: len(array) for name, array in zip(names, arrays, strict=True) if array.ndim}
-        several = {length for length in lengths.values() if length != 1}
-        if len(several) > 1:
-            raise ValueError(f"origins, directions, tmin, tmax: lengths do not go together: {lengths}")
-        return [whole_strides(array) for array in arrays], several.pop() if several else 1

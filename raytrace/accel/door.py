@@ -1,6 +1,5 @@
 """What users hand to ``BVH``: checked, and turned into what kernels read."""
 
-import ctypes
 from collections.abc import Collection
 from typing import Any
 
@@ -8,6 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace.records import Columns, Rays
+
+MAX_ROWS = 2**29  # vertices or faces of a mesh: twice as many nodes still have int32 numbers
+REACH = 2**31  # elements between the first and the last that kernels read of an array: their numbers are int32
 
 
 def one_of(name: str, value: str, allowed: Collection[str]) -> None:
@@ -18,11 +20,15 @@ def one_of(name: str, value: str, allowed: Collection[str]) -> None:
 
 def _numbers(name: str, value: ArrayLike, kinds: str = "fiu") -> NDArray[Any]:
     """An array of numbers of any kind allowed: f float, i and u integers."""
+    if isinstance(value, np.ndarray) and type(value) is not np.ndarray and np.ma.is_masked(value):
+        raise ValueError(f"{name}: some elements are masked: fill them, or leave out their rows")
     try:
         array = np.asarray(value)
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise ValueError(f"{name}: expected numbers: {error}") from None
-    if array.size and array.dtype.kind not in kinds:
+    if array.size == 0:
+        return np.empty(array.shape, kinds[0])  # [] has a type by chance
+    if array.dtype.kind not in kinds:
         raise ValueError(f"{name}: expected {'integers' if kinds == 'iu' else 'numbers'}, got dtype {array.dtype}")
     return array
 
@@ -35,65 +41,154 @@ def _rows(name: str, array: NDArray[Any]) -> NDArray[Any]:
     return array
 
 
+# --- meshes ----------------------------------------------------------------------------------------------------------
+
+
 def check_vertices(value: ArrayLike, dtype: np.dtype) -> NDArray[np.floating]:
-    """Vertices as a contiguous (v, 3) array of that type, all finite."""
-    array = _rows("vertices", _numbers("vertices", value))
+    """Vertices as a contiguous (v, 3) array of that type: all finite, and of sizes whose areas are numbers of it."""
+    given = _few("vertices", _rows("vertices", _numbers("vertices", value)))
     with np.errstate(over="ignore"):
-        array = np.ascontiguousarray(array, dtype)
-    bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
-    if len(bad):
-        raise ValueError(f"vertices: row {bad[0]} is not finite in {dtype}: {array[bad[0]]} ({len(bad)} such rows)")
+        array = np.ascontiguousarray(given, dtype)
+    size = max(array.max(initial=0), -array.min(initial=0))
+    cure = "use precision='float64', or other units" if dtype == np.float32 else "use other units"
+    if not np.isfinite(size):
+        bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
+        row = given[bad[0]]
+        cure = f": {cure}" if np.isfinite(row).all() else ""
+        raise ValueError(f"vertices: row {bad[0]} is not finite in {dtype}: {row} ({len(bad)} such rows){cure}")
+    smallest, largest = safe_sizes(dtype)
+    if size > largest or 0 < size < smallest:
+        raise ValueError(
+            f"vertices: the largest coordinate is {size:.3g}, but in {dtype} it must lie between {smallest:.0e} and "
+            f"{largest:.0e}, for areas to be numbers: {cure}"
+        )
     return array
+
+
+def safe_sizes(dtype: np.dtype) -> tuple[float, float]:
+    """Least and most that the largest coordinate of a mesh may be.
+
+    Triangles are tested by products of two differences: parts of them as small as eps must be normal numbers, and sums
+    of six, of differences doubled by a ray from as far away and by its shear, must be finite.
+    """
+    kind = np.finfo(dtype)
+    return float(np.sqrt(kind.smallest_normal / kind.eps)), float(np.sqrt(kind.max)) / 16
 
 
 def check_faces(value: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
     """Faces as a contiguous (m, 3) array of rows that exist."""
-    array = _rows("faces", _numbers("faces", value, "iu"))
-    bad = np.flatnonzero(((array < 0) | (array >= vertex_count)).any(axis=1))
-    if len(bad):
+    array = _few("faces", _rows("faces", _numbers("faces", value, "iu")))
+    if len(array) and (array.min() < 0 or array.max() >= vertex_count):
+        bad = np.flatnonzero(((array < 0) | (array >= vertex_count)).any(axis=1))
         raise ValueError(
             f"faces: row {bad[0]} is {array[bad[0]].tolist()}, but there are {vertex_count} vertices, numbered from 0"
         )
     return np.ascontiguousarray(array, np.int32)
 
 
-def check_points(name: str, value: ArrayLike, dtype: np.dtype) -> NDArray[np.floating]:
-    """Origins or directions as an (n, 3) array of that type."""
-    array = _numbers(name, value)
+def _few(name: str, array: NDArray[Any]) -> NDArray[Any]:
+    if len(array) > MAX_ROWS:
+        raise ValueError(f"{name}: {len(array):,} rows are more than {MAX_ROWS:,}: split the mesh")
+    return array
+
+
+# --- rays ------------------------------------------------------------------------------------------------------------
+
+
+Field = Columns | NDArray[Any]  # origins, directions, tmin or tmax; an array is converted part by part
+
+
+def check_rays(
+    origins: ArrayLike, directions: ArrayLike, tmin: ArrayLike, tmax: ArrayLike, dtype: np.dtype
+) -> tuple[list[Field], int]:
+    """Rays for a tree of that type, and how many they are."""
+    given = {
+        "origins": _points("origins", origins),
+        "directions": _points("directions", directions),
+        "tmin": _limits("tmin", tmin),
+        "tmax": _limits("tmax", tmax),
+    }
+    lengths = {name: len(array) for name, array in given.items() if array.ndim}
+    several = set(lengths.values()) - {1}
+    if len(several) > 1:
+        raise ValueError(f"origins, directions, tmin, tmax: lengths do not go together: {lengths}")
+    n = several.pop() if several else 1
     with np.errstate(over="ignore"):
-        return np.asarray(_rows(name, array[None] if array.shape == (3,) else array), dtype)
+        return [_field(array, n, dtype) for array in given.values()], n
 
 
-def columns_of(array: NDArray[np.floating], n: int) -> Columns:
-    """An array of any strides as kernels read it, without a copy where strides are whole elements.
-
-    Kernels see flat writable memory, whatever the array's layout and flags, and so are compiled but once. The caller
-    keeps the array alive.
-    """
-    size = array.itemsize
-    steps = [stride // size for stride in array.strides]
-    low = sum(min(0, step * (count - 1)) for step, count in zip(steps, array.shape, strict=True))
-    span = sum(abs(step) * (count - 1) for step, count in zip(steps, array.shape, strict=True)) + 1 if array.size else 0
-    memory = (ctypes.c_char * (span * size)).from_address(array.ctypes.data + low * size)
-    row = 0 if array.ndim == 0 or len(array) == 1 < n else steps[0]
-    return Columns(np.frombuffer(memory, array.dtype), -low, row, steps[1] if array.ndim == 2 else 0)
+def _points(name: str, value: ArrayLike) -> NDArray[Any]:
+    """Origins or directions, (n, 3) numbers of any type."""
+    array = _numbers(name, value)
+    return array[None] if array.shape == (3,) else _rows(name, array)
 
 
-def whole_strides(array: NDArray[np.floating]) -> NDArray[np.floating]:
-    """The array, or a copy where its elements do not lie a whole number of elements apart."""
-    whole = array.flags.aligned and not any(stride % array.itemsize for stride in array.strides)
-    return array if whole else array.copy()
-
-
-def check_limits(name: str, value: ArrayLike, dtype: np.dtype) -> NDArray[np.floating]:
-    """Limits of t as a number or an (n,) array of that type."""
+def _limits(name: str, value: ArrayLike) -> NDArray[Any]:
+    """Limits of t: a number, or (n,) of them, of any type."""
     array = _numbers(name, value)
     if array.ndim > 1:
         raise ValueError(f"{name}: expected a number or an (n,) array, got shape {array.shape}")
-    with np.errstate(over="ignore"):
-        return np.asarray(array, dtype)
+    return array
 
 
-def rays_from(rays: Rays, begin: int) -> Rays:
-    """The same rays from number ``begin`` on."""
-    return Rays(*(column._replace(start=column.start + begin * column.row) for column in rays))
+def _field(array: NDArray[Any], n: int, dtype: np.dtype) -> Field:
+    """The array as kernels read it, if they can without a copy, or if all rays share its one row."""
+    if array.ndim == 0 or len(array) == 1:
+        return columns_of(np.array(array, dtype), n)
+    return columns_of(array, n) if array.dtype == dtype and _readable(array) else array
+
+
+def _readable(array: NDArray[Any]) -> bool:
+    """Whether the elements are aligned, and so a whole number of them apart, and not too far."""
+    whole = array.flags.c_contiguous or array.flags.f_contiguous
+    return array.flags.aligned and (array.size if whole else _span(array)[1]) < REACH
+
+
+def rays_of(fields: list[Field], begin: int, end: int, dtype: np.dtype) -> Rays:
+    """Rays ``begin`` to ``end`` as kernels read them; numbers beyond the type become infinite, and miss."""
+    columns = []
+    for field in fields:
+        if isinstance(field, Columns):
+            columns.append(Columns(field.data, field.start + begin * field.row, field.row, field.axis))
+        else:
+            with np.errstate(over="ignore"):
+                columns.append(columns_of(np.array(field[begin:end], dtype), end - begin))
+    return Rays(*columns)
+
+
+def columns_of(array: NDArray[np.floating], n: int) -> Columns:
+    """An array whose strides are whole elements as kernels read it, without a copy.
+
+    Kernels see flat writable memory, whatever the array's layout and flags, and so are compiled but once.
+    """
+    steps = [stride // array.itemsize for stride in array.strides]
+    row = 0 if array.ndim == 0 or len(array) == 1 < n else steps[0]
+    axis = steps[1] if array.ndim == 2 else 0
+    flags = array.flags
+    if flags.writeable and (flags.c_contiguous or flags.f_contiguous):
+        return Columns(array.ravel(order="K"), 0, row, axis)
+    low, span = _span(array)
+    return Columns(np.asarray(_Memory(array, low, span)), -low, row, axis)
+
+
+def _span(array: NDArray[Any]) -> tuple[int, int]:
+    """Where the memory of an array begins, and how much it is, in elements from its first one on."""
+    if array.size == 0:
+        return 0, 0
+    ends = [stride // array.itemsize * (count - 1) for stride, count in zip(array.strides, array.shape, strict=True)]
+    low = sum(end for end in ends if end < 0)
+    return low, sum(ends) - 2 * low + 1
+
+
+class _Memory:
+    """The memory of an array as NumPy's array interface tells of it; it lives as long as what looks into it."""
+
+    def __init__(self, array: NDArray[Any], low: int, span: int) -> None:
+        address = array.__array_interface__["data"][0] + low * array.itemsize
+        self.__array_interface__ = {
+            "version": 3,
+            "data": (address, False),
+            "shape": (span,),
+            "typestr": array.dtype.str,
+        }
+        self.array = array

@@ -1,0 +1,89 @@
+import numpy as np
+import pytest
+
+import raytrace as rt
+from raytrace.report import peers
+from raytrace.report.hard_rays import cases
+from raytrace.report.hard_shadows import shadow_cases
+from raytrace.report.judge import Judge
+
+PRECISIONS = ("float32", "float64")
+
+
+class Known(peers.Peer):
+    """A peer that is our own tree, but knows no tmin, and no offsets."""
+
+    name, module = "numpy", "numpy"
+
+    def scene(self, made):
+        return rt.BVH(made.vertices, made.faces, made.o.dtype.name)
+
+    def closest(self, scene, o, d):
+        return scene.closest_hit(o, d)
+
+    def any(self, scene, o, d, tmax):
+        return scene.any_hit(o, d, tmax=tmax)
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("shift", [0.0, 1.0, -1e3, 1e7])
+def test_offsets_are_256_ulps_or_a_small_length_along_the_normal(shift, precision):
+    rng = np.random.default_rng(1)
+    p = (rng.uniform(-1, 1, (300, 3)) + shift).astype(precision)
+    n = rng.normal(size=(300, 3))
+    n = (n / np.linalg.norm(n, axis=1, keepdims=True)).astype(precision)
+    moved = peers.offset(p, n) - p
+    assert (moved * n >= 0).all()
+    ulps = np.abs(moved) / np.spacing(np.abs(p))
+    large = np.abs(p) >= 1 / 32
+    assert (ulps[large] <= 257).all()
+    small = 2.0**-16 * np.finfo(precision).eps / np.finfo("float32").eps
+    np.testing.assert_allclose(moved[~large], (small * n)[~large], atol=np.finfo(precision).eps / 32)
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_a_peer_is_asked_and_lights_are_found_with_those_offsets(precision):
+    peer = Known()
+    query = next(cases()).query(precision, 5)
+    judge = Judge(query)
+    (hits,), (blocked,) = peer.nearest(query), peer.blocked(query)
+    assert not judge.hits(hits).wrong.any()
+    assert blocked.all()
+    shadows = {case.name: case for case in shadow_cases()}
+    (lit,) = peer.shadows(shadows["lit sphere, scale 1e+00"].query(precision))
+    assert lit.found.all()
+    assert not lit.dark.any()
+    (lit,) = peer.shadows(shadows["wall at the light, scale 1e+00"].query(precision))
+    assert lit.dark.all()
+
+
+def test_peers_that_are_not_there_are_named_with_the_reason(monkeypatch):
+    class Absent(Known):
+        name, module = "nothing", "no_such_module_anywhere"
+
+    monkeypatch.setattr(peers, "PEERS", (Known, Absent))
+    found, missing = peers.peers()
+    assert [peer.name for peer in found] == ["numpy"]
+    assert found[0].version == np.__version__
+    assert missing == {"nothing": "No module named 'no_such_module_anywhere'"}
+
+
+def test_mitsuba_is_not_tried_without_a_library_that_is_known_to_work(monkeypatch):
+    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
+    with pytest.raises(ImportError, match="DRJIT_LIBLLVM_PATH"):
+        peers.Mitsuba()
+
+
+@pytest.mark.parametrize("kind", peers.PEERS, ids=lambda kind: kind.name)
+def test_a_peer_that_is_installed_finds_a_floor_and_its_light(kind):
+    try:
+        peer = kind()
+    except ImportError as error:
+        pytest.skip(str(error))
+    query = next(case for case in cases() if case.name == "icosphere, from inside").query(peer.dtype, 40)
+    (hits,) = peer.nearest(query)
+    verdict = Judge(query).hits(hits)
+    assert verdict.wrong.mean() + verdict.leak.mean() < 0.2
+    assert all(blocked.mean() > 0.8 for blocked in peer.blocked(query))
+    lit = next(case for case in shadow_cases() if case.name == "wall at the light, scale 1e+00").query(peer.dtype, 10)
+    assert all(found.found.all() for found in peer.shadows(lit))
