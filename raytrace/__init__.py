@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from raytrace.picture import Render
     from raytrace.records import Hits, Scene, Surface
     from raytrace.rendering import render
-    from raytrace.report.error import compare
+    from raytrace.reporting.error import compare
+    from raytrace.reporting.sweep import report
     from raytrace.scene.load import load
     from raytrace.scene.plan import explain
 
@@ -30,12 +31,13 @@ _HOME = {
     "Scene": "records",
     "SceneError": "errors",
     "Surface": "records",
-    "compare": "report.error",
+    "compare": "reporting.error",
     "explain": "scene.plan",
     "load": "scene.load",
     "reflect": "optics",
     "refract": "optics",
     "render": "rendering",
+    "report": "reporting.sweep",
     "spawn_ray": "optics",
 }
 
@@ -55,6 +57,7 @@ __all__ = [
     "reflect",
     "refract",
     "render",
+    "report",
     "spawn_ray",
 ]
 

@@ -121,7 +121,7 @@ def render_options(parser: ArgumentParser) -> None:
 
 
 def compare_options(parser: ArgumentParser) -> None:
-    """Declare the options of ``compare``: the fields of ``raytrace.report.error.Limits`` are the limits."""
+    """Declare the options of ``compare``: the fields of ``raytrace.reporting.error.Limits`` are the limits."""
     add = parser.add_argument
     add("image", type=Path, help="picture to judge: .exr, .npz or .png")
     add("reference", type=Path, help="picture to judge it by")

@@ -122,7 +122,7 @@ def _check(args: Namespace) -> int:
 
 
 def _compare(args: Namespace) -> int:
-    from raytrace.report.error import Limits, violations
+    from raytrace.reporting.error import Limits, violations
 
     try:
         measured = raytrace.compare(args.image, args.reference)
@@ -141,8 +141,8 @@ def _compare(args: Namespace) -> int:
 
 
 def _hard_cases(folder: Path) -> int:
-    from raytrace.report import hard_cases, hard_table
-    from raytrace.report.folder import check_folder
+    from raytrace.reporting import hard_cases, hard_table
+    from raytrace.reporting.folder import check_folder
 
     check_folder(folder)
     tell = (lambda name, k, n: _say(f"{k + 1}/{n} {name}")) if at_terminal() else None
@@ -154,7 +154,7 @@ def _hard_cases(folder: Path) -> int:
 
 
 def _report(args: Namespace) -> int:
-    from raytrace.report.sweep import report
+    from raytrace.reporting.sweep import report
 
     if args.hard_cases:
         return _hard_cases(args.output)

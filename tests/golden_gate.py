@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from raytrace import image
-from raytrace.report.error import Limits, compare, violations
+from raytrace.reporting.error import Limits, compare, violations
 
 GOLDEN = Path(__file__).parent / "golden"
 FAILURES = Path(__file__).parent / "failures"  # ignored by git

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from raytrace.report.measure import Point
-from raytrace.report.ways import Way
+from raytrace.reporting.measure import Point
+from raytrace.reporting.ways import Way
 
 SOBOL, STRATIFIED, DOUBLE = Way("sobol", "float32"), Way("stratified", "float32"), Way("sobol", "float64")
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from raytrace.report.advice import advice, nice_errors, useless_below
-from raytrace.report.analysis import fit_order, orders_of
-from raytrace.report.ways import Way
+from raytrace.reporting.advice import advice, nice_errors, useless_below
+from raytrace.reporting.analysis import fit_order, orders_of
+from raytrace.reporting.ways import Way
 from synthetic_points import DOUBLE, SOBOL, STRATIFIED, curve
 
 MOLLER, BRUTE = Way("sobol", "float32", triangle="moller-trumbore"), Way("sobol", "float32", tree="none")

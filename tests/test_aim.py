@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import rays
-from raytrace.report.aim import bad_rays, edge_points, lattice, signed_axes, towards
+from raytrace.reporting.aim import bad_rays, edge_points, lattice, signed_axes, towards
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from raytrace.report.analysis import curves_of, fit_order, needed, orders_of, pareto
-from raytrace.report.ways import Way
+from raytrace.reporting.analysis import curves_of, fit_order, needed, orders_of, pareto
+from raytrace.reporting.ways import Way
 from synthetic_points import DOUBLE, SOBOL, STRATIFIED, curve, point
 
 

@@ -396,7 +396,7 @@ def measured(library, monkeypatch):
         return library.found
 
     library.found = Found(files=(Path("out/report.json"), Path("out/report.html")), interrupted=False)
-    monkeypatch.setattr("raytrace.report.sweep.report", report)
+    monkeypatch.setattr("raytrace.reporting.sweep.report", report)
     return library
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from raytrace import image
 from raytrace.errors import FileError, RaytraceError
-from raytrace.report.error import OUTLIER, RELATIVE_EPS, Limits, compare, ssim, violations, worst_tile
+from raytrace.reporting.error import OUTLIER, RELATIVE_EPS, Limits, compare, ssim, violations, worst_tile
 
 
 def pair(height=24, width=21, seed=0):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from raytrace.report.exact import Oracle
-from raytrace.report.hard_rays import cases
+from raytrace.reporting.exact import Oracle
+from raytrace.reporting.hard_rays import cases
 
 CASES = {case.name: case for case in cases()}
 PRECISIONS = ("float32", "float64")

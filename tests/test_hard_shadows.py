@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from raytrace.report.exact import Oracle
-from raytrace.report.hard_shadows import GAP, shadow_cases
+from raytrace.reporting.exact import Oracle
+from raytrace.reporting.hard_shadows import GAP, shadow_cases
 
 CASES = {case.name: case for case in shadow_cases()}
 

@@ -23,7 +23,7 @@ HEAVY = {
     "OpenEXR",
     "rich",
 }
-FUNCTIONS = {"load", "render", "explain", "compare", "reflect", "refract", "spawn_ray"}
+FUNCTIONS = {"load", "render", "explain", "compare", "reflect", "refract", "report", "spawn_ray"}
 CLASSES = {"BVH", "Render", "Scene", "Hits", "Surface", "RaytraceError", "SceneError", "FileError", "OptionError"}
 SUBMODULES = [
     "rendering",
@@ -31,7 +31,8 @@ SUBMODULES = [
     "wavefront",
     "scene.load",
     "scene.plan",
-    "report.error",
+    "reporting.error",
+    "reporting.sweep",
     "accel.bvh",
     "optics",
     "cli",

@@ -7,11 +7,11 @@ import pytest
 
 from raytrace.records import Settings
 from raytrace.rendering import render
-from raytrace.report import measure
-from raytrace.report.error import compare
-from raytrace.report.measure import ROUNDS, Sweep
-from raytrace.report.reference import Reference
-from raytrace.report.ways import Subject, Way, steps_of
+from raytrace.reporting import measure
+from raytrace.reporting.error import compare
+from raytrace.reporting.measure import ROUNDS, Sweep
+from raytrace.reporting.reference import Reference
+from raytrace.reporting.ways import Subject, Way, steps_of
 from small_scenes import Part, look, make_scene, quad
 
 SIZE = (12, 10)

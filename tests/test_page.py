@@ -9,8 +9,8 @@ from io import BytesIO
 import numpy as np
 from PIL import Image
 
-from raytrace.report.measure import Shown
-from raytrace.report.page import page
+from raytrace.reporting.measure import Shown
+from raytrace.reporting.page import page
 from test_sweep_table import a_report
 
 GREY = np.full((6, 8, 3), 128, np.uint8)

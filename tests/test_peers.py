@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace.report import peers
-from raytrace.report.hard_rays import cases
-from raytrace.report.hard_shadows import shadow_cases
-from raytrace.report.judge import Judge
+from raytrace.reporting import peers
+from raytrace.reporting.hard_rays import cases
+from raytrace.reporting.hard_shadows import shadow_cases
+from raytrace.reporting.judge import Judge
 
 PRECISIONS = ("float32", "float64")
 

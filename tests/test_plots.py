@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from raytrace.errors import RaytraceError
-from raytrace.report.analysis import orders_of, pareto
-from raytrace.report.plots import check_matplotlib, heat, plots
-from raytrace.report.ways import Way
+from raytrace.reporting.analysis import orders_of, pareto
+from raytrace.reporting.plots import check_matplotlib, heat, plots
+from raytrace.reporting.ways import Way
 from synthetic_points import DOUBLE, SOBOL, curve
 
 ROOT = Path(__file__).parents[1]

@@ -7,9 +7,9 @@ from raytrace import image, jit
 from raytrace.errors import FileError, OptionError
 from raytrace.records import Settings
 from raytrace.rendering import render
-from raytrace.report import reference
-from raytrace.report.error import compare
-from raytrace.report.reference import Reference, make_reference, next_spp, read_reference
+from raytrace.reporting import reference
+from raytrace.reporting.error import compare
+from raytrace.reporting.reference import Reference, make_reference, next_spp, read_reference
 from small_scenes import Part, look, make_scene, quad
 
 SIZE = (12, 10)

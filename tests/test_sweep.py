@@ -12,10 +12,10 @@ from raytrace import image
 from raytrace.errors import FileError, OptionError, RaytraceError
 from raytrace.records import Settings
 from raytrace.rendering import render
-from raytrace.report import measure, reference, sweep, ways
-from raytrace.report.plots import plots
-from raytrace.report.sweep import report
-from raytrace.report.ways import Subject
+from raytrace.reporting import measure, reference, sweep, ways
+from raytrace.reporting.plots import plots
+from raytrace.reporting.sweep import report
+from raytrace.reporting.ways import Subject
 from small_scenes import Part, look, make_scene, quad
 
 SIZE = (12, 10)

@@ -2,11 +2,11 @@ import json
 
 import pytest
 
-from raytrace.report.analysis import fit_order
-from raytrace.report.measure import First
-from raytrace.report.sweep import Report
-from raytrace.report.sweep_table import HEADER, SCHEMA, as_json, text
-from raytrace.report.ways import Way
+from raytrace.reporting.analysis import fit_order
+from raytrace.reporting.measure import First
+from raytrace.reporting.sweep import Report
+from raytrace.reporting.sweep_table import HEADER, SCHEMA, as_json, text
+from raytrace.reporting.ways import Way
 from synthetic_points import SOBOL, point
 
 ADAPTIVE = Way("sobol", "float32", adaptive=True)

@@ -3,10 +3,10 @@ import pytest
 
 import rays
 import raytrace as rt
-from raytrace.report.hard_rays import Case, cases
-from raytrace.report.hard_shadows import shadow_cases
-from raytrace.report.judge import Query
-from raytrace.report.tracers import Ours, Seed, paths, sent, tracers
+from raytrace.reporting.hard_rays import Case, cases
+from raytrace.reporting.hard_shadows import shadow_cases
+from raytrace.reporting.judge import Query
+from raytrace.reporting.tracers import Ours, Seed, paths, sent, tracers
 
 PRECISIONS = ("float32", "float64")
 CASES: dict[str, Case] = {case.name: case for case in cases()}

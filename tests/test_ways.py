@@ -8,8 +8,8 @@ from raytrace.accel import query
 from raytrace.accel.door import columns_of
 from raytrace.records import Hits, Rays
 from raytrace.rendering import render
-from raytrace.report import ways
-from raytrace.report.ways import Subject, Way, steps_of, ways_of
+from raytrace.reporting import ways
+from raytrace.reporting.ways import Subject, Way, steps_of, ways_of
 from small_scenes import Part, box, make_scene, studio
 
 SIZE = (24, 24)

@@ -3,9 +3,9 @@
 import math
 from typing import Any
 
-from raytrace.report.analysis import Order
-from raytrace.report.measure import First, Point
-from raytrace.report.ways import Way
+from raytrace.reporting.analysis import Order
+from raytrace.reporting.measure import First, Point
+from raytrace.reporting.ways import Way
 
 SCHEMA = "raytrace.report/1"  # of the JSON file; another number where a field changes its meaning or leaves
 HEADER = "", "spp", "s", "Mray/s", "MB", "RMSE", "on screen", "rel. MSE", "bias", "8x8 tile", "SSIM", "efficiency", ""

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from raytrace.report.hard_meshes import F8, choice, uniform
+from raytrace.reporting.hard_meshes import F8, choice, uniform
 
 Reals = NDArray[np.floating]
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.records import Hits
-from raytrace.report.hard_shadows import LightQuery
-from raytrace.report.judge import Flags, Query
-from raytrace.report.tracers import Lit, Reals, Tracer
+from raytrace.reporting.hard_shadows import LightQuery
+from raytrace.reporting.judge import Flags, Query
+from raytrace.reporting.tracers import Lit, Reals, Tracer
 
 WHOLE = 256  # of [Waechter2019]: ulps that an origin is moved by
 NEAR = 1 / 32  # ... unless a coordinate is smaller than that ...

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from raytrace.report.hard_meshes import F8, Mesh, grid, icosphere, joined, turned, uniform
+from raytrace.reporting.hard_meshes import F8, Mesh, grid, icosphere, joined, turned, uniform
 
 Reals = NDArray[np.floating]
 RAYS, LIGHTS = 200, 5  # a case

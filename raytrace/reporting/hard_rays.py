@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
-from raytrace.report.aim import bad_rays, edge_points, lattice, signed_axes, towards
-from raytrace.report.hard_meshes import (
+from raytrace.reporting.aim import bad_rays, edge_points, lattice, signed_axes, towards
+from raytrace.reporting.hard_meshes import (
     CLOSED,
     Mesh,
     choice,
@@ -22,7 +22,7 @@ from raytrace.report.hard_meshes import (
     turned,
     uniform,
 )
-from raytrace.report.judge import Query
+from raytrace.reporting.judge import Query
 
 MOST, MANY = 600, 2000  # rays of an aimed case from each origin; half of them where triangles are many
 OUTSIDE = [[2.3, -1.7, 1.9], [-0.4, 3.1, 0.2], [0.05, -0.1, -6.0]]

@@ -15,8 +15,8 @@ from raytrace.accel.grow import SPLITS
 from raytrace.accel.lanes import PACKET
 from raytrace.passes.light import shadow_rays, triangles_at
 from raytrace.records import Hits, Points, Rays, Shadows, Surface
-from raytrace.report.hard_shadows import LightQuery
-from raytrace.report.judge import Flags, Query
+from raytrace.reporting.hard_shadows import LightQuery
+from raytrace.reporting.judge import Flags, Query
 
 Reals = NDArray[np.floating]
 EPSILON = 1e-4  # of the course: where shadow rays begin, and how far before the light they end, in user units

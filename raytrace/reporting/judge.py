@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.records import Hits
-from raytrace.report.exact import F8, Index, Oracle
+from raytrace.reporting.exact import F8, Index, Oracle
 
 Flags = NDArray[np.bool_]
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.report.measure import Point
-from raytrace.report.ways import Way
+from raytrace.reporting.measure import Point
+from raytrace.reporting.ways import Way
 
 CONFIDENCE = 0.95  # of intervals
 TIE = 0.01  # relative difference of errors that means nothing

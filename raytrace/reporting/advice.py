@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from raytrace.records import MAX_SPP
-from raytrace.report.analysis import Order, curves_of, needed
-from raytrace.report.measure import Point
-from raytrace.report.ways import Way
+from raytrace.reporting.analysis import Order, curves_of, needed
+from raytrace.reporting.measure import Point
+from raytrace.reporting.ways import Way
 
 NEGLIGIBLE = 1 / 3  # an error this much smaller than another adds 5 % to it: sqrt(1 + 1/9) = 1.05
 WORSE = 1.05  # times the error of the usual way: said aloud from here on

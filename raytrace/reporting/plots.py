@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from raytrace.errors import RaytraceError
-from raytrace.report.analysis import Order, curves_of
-from raytrace.report.measure import Point
-from raytrace.report.ways import Way
+from raytrace.reporting.analysis import Order, curves_of
+from raytrace.reporting.measure import Point
+from raytrace.reporting.ways import Way
 
 COLOURS = {"sobol": "#0072b2", "stratified": "#009e73", "independent": "#d55e00"}  # told apart by the colour-blind
 SIZE, DPI = (9.6, 6.0), 110  # inches; dots per inch of the PNG

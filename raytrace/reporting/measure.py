@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from raytrace.image import srgb8
 from raytrace.picture import Render
 from raytrace.records import MAX_SEED, Scene
-from raytrace.report.error import Comparison, compare, screen
-from raytrace.report.reference import Reference
-from raytrace.report.ways import Subject, Way, steps_of, weight_of
+from raytrace.reporting.error import Comparison, compare, screen
+from raytrace.reporting.reference import Reference
+from raytrace.reporting.ways import Subject, Way, steps_of, weight_of
 
 ROUNDS = 3  # pictures of each point, each with a seed of its own, one after the other in rounds over all points
 JUDGED = 3.0  # times the reference's own error: smaller ones would be overstated by more than sqrt(1 + 1/9), 5 %

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import raytrace
-from raytrace.report.folder import write as write_files
-from raytrace.report.hard_cases import Outcome, Score
-from raytrace.report.judge import BACKWARD
+from raytrace.reporting.folder import write as write_files
+from raytrace.reporting.hard_cases import Outcome, Score
+from raytrace.reporting.judge import BACKWARD
 
 SCHEMA = "raytrace.hard-cases/1"  # of the JSON file; another number where a field changes its meaning or leaves
 LEGEND = """\

@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.report.hard_rays import Case, cases
-from raytrace.report.hard_shadows import ShadowCase, shadow_cases
-from raytrace.report.judge import Judge, Query, Verdict, together
-from raytrace.report.peers import peers
-from raytrace.report.tracers import Tracer, tracers
+from raytrace.reporting.hard_rays import Case, cases
+from raytrace.reporting.hard_shadows import ShadowCase, shadow_cases
+from raytrace.reporting.judge import Judge, Query, Verdict, together
+from raytrace.reporting.peers import peers
+from raytrace.reporting.tracers import Tracer, tracers
 
 
 class Score(NamedTuple):
@@ -77,7 +77,7 @@ def run(
 
     Examples
     --------
-    >>> from raytrace.report.tracers import Ours
+    >>> from raytrace.reporting.tracers import Ours
     >>> outcome = run([Ours("float64")], step=199)
     >>> outcome.total(outcome.tracers[0]).light_leaks
     0

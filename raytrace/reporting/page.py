@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.report.plots import heat
-from raytrace.report.sweep_table import HEADER, LEGEND, cells, order_text
+from raytrace.reporting.plots import heat
+from raytrace.reporting.sweep_table import HEADER, LEGEND, cells, order_text
 
 STYLE = """
 body { font: 20px/1.45 system-ui, sans-serif; margin: 0 auto; max-width: 1500px; padding: 1.2em; color: #111; }

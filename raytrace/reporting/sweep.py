@@ -15,15 +15,15 @@ from raytrace.options import override
 from raytrace.parallel import thread_count
 from raytrace.records import Scene
 from raytrace.rendering import Progress
-from raytrace.report.advice import advice
-from raytrace.report.analysis import Order, orders_of, pareto
-from raytrace.report.folder import check_folder, write
-from raytrace.report.measure import First, Measured, Point, Shown, Sweep
-from raytrace.report.page import page
-from raytrace.report.plots import check_matplotlib, plots
-from raytrace.report.reference import Reference, make_reference, read_reference
-from raytrace.report.sweep_table import as_json, text
-from raytrace.report.ways import ways_of
+from raytrace.reporting.advice import advice
+from raytrace.reporting.analysis import Order, orders_of, pareto
+from raytrace.reporting.folder import check_folder, write
+from raytrace.reporting.measure import First, Measured, Point, Shown, Sweep
+from raytrace.reporting.page import page
+from raytrace.reporting.plots import check_matplotlib, plots
+from raytrace.reporting.reference import Reference, make_reference, read_reference
+from raytrace.reporting.sweep_table import as_json, text
+from raytrace.reporting.ways import ways_of
 from raytrace.scene.load import load
 
 MACHINE = "system", "numpy", "numba", "llvmlite", "cores", "processor", "lanes"  # facts that speed depends on

@@ -16,7 +16,7 @@ from raytrace.errors import FileError, OptionError
 from raytrace.jit import cache_folder
 from raytrace.records import MAX_SEED, MAX_SPP, Scene
 from raytrace.rendering import Progress, render
-from raytrace.report.error import screen
+from raytrace.reporting.error import screen
 
 AHEAD = 10.0  # the reference is so many times more accurate than what it judges
 START, STEP = 16, 4  # samples per pixel of each half: at first, and how many times more up to `PILOT`
