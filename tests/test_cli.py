@@ -55,6 +55,7 @@ def library(monkeypatch, tmp_path):
     library = SimpleNamespace(problem=None, warnings=(), asked=[], image=image)
     monkeypatch.setattr(raytrace, "load", load, raising=False)
     monkeypatch.setattr(raytrace, "render", render, raising=False)
+    monkeypatch.setattr(raytrace, "explain", lambda _scene: "", raising=False)
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("RAYTRACE_DEBUG", raising=False)
     return library

@@ -121,5 +121,6 @@ def _grow_all(binary, split, grow):
     def finish(part):
         counts.append(grow(binary, split, NODE, part, make_scratch(dtype)) - part.free)
 
-    parallel.run(finish, parts, None)
+    if parts:
+        parallel.run(finish, parts, None)
     return binary, sum(counts)

@@ -4,7 +4,7 @@ import numpy as np
 
 from raytrace.accel.boxes import BOX, half_area, high, low
 from raytrace.accel.lanes import NODE, machine_epsilon
-from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, PRIM_ID
+from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, PRESENT, PRIM_ID
 from raytrace.jit import inlined, kernel
 
 WIDEN = 8.0  # machine epsilons of a leaf's largest coordinate: the rounding of the triangle test stays inside its box
@@ -60,6 +60,7 @@ def flatten(tree, nodes, leaves, triangles, stack, kids):
         kids[0], number = source, 1
         while number < NODE and open_widest(tree, kids, number):
             number += 1
+        nodes.child[node * NODE_SIZE + PRESENT] = (1 << number) - 1
         for k in range(NODE):
             nodes.child[node * NODE_SIZE + CHILD + k] = 0
             if k >= number:

@@ -1,8 +1,8 @@
 """How nodes and leaves lie in memory: all that a visit reads stands side by side.
 
 A node is 64 elements (four cache lines of float32): 8 low x, 8 low y, 8 low z, 8 high x, 8 high y, 8 high z, then the
-numbers of its 8 children, then 8 that are unused. A leaf is 104: 8 each of v0 x y z, v1 x y z, v2 x y z, then the
-numbers of its 8 triangles, then 8 each of the unit normals x y z, which only hits read.
+numbers of its 8 children, the bits of those that are there, and 7 that are unused. A leaf is 104: 8 each of v0 x y z,
+v1 x y z, v2 x y z, then the numbers of its 8 triangles, then 8 each of the unit normals x y z, which only hits read.
 
 ``bounds`` and ``child`` of ``Nodes``, and ``rows`` and ``prim_id`` of ``Leaves``, are the same memory, seen as floats
 and as integers of the same size.
@@ -21,6 +21,7 @@ Leaves = WatertightLeaves | MollerTrumboreLeaves
 NODE_SIZE = 8 * NODE
 LEAF_SIZE = 13 * NODE
 CHILD = 6 * NODE  # where the children of a node stand
+PRESENT = 7 * NODE  # where their bits stand: bit k is set if there is a child k
 V0, V1, V2 = 0, 3 * NODE, 6 * NODE  # where the vertices of a leaf's triangles stand
 PRIM_ID = 9 * NODE
 NORMAL = 10 * NODE

@@ -22,7 +22,7 @@ from raytrace.accel.lanes import (
     splat_int,
     store,
 )
-from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, NORMAL, PRIM_ID, V0, V1, V2
+from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, NORMAL, PRESENT, PRIM_ID, V0, V1, V2
 from raytrace.accel.single import any_single, closest_single, planes_of_node
 from raytrace.accel.stack import ROOT, push
 from raytrace.accel.triangle import intersect
@@ -63,10 +63,10 @@ def enter_packet(nodes, node, rays, limits, top, work):
     """
     beam, tmax, farthest = limits
     base, at = top, node * NODE_SIZE
-    left = (1 << NODE) - 1
+    left = np.int64(peek(nodes.child, at + PRESENT))  # where quotients overflow, a NaN enters what is absent
     if len(nodes.bounds) > NODE_SIZE:
         near, far = planes_of_node(nodes.bounds, at, rays.axes)
-        left = bits(beam_test(beam, near, far, farthest))
+        left &= bits(beam_test(beam, near, far, farthest))
     while left != 0:
         k = first_bit(left)
         left &= left - 1

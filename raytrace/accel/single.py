@@ -5,7 +5,7 @@ import numpy as np
 from raytrace.accel.box import slab_test
 from raytrace.accel.kinds import HIT, number_of, put_number
 from raytrace.accel.lanes import NODE, bits, first_bit, load, peek, poke, prefetch
-from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, NORMAL, PRIM_ID, V0, V1, V2
+from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, NORMAL, PRESENT, PRIM_ID, V0, V1, V2
 from raytrace.accel.stack import NOTHING, pop, push
 from raytrace.accel.triangle import intersect
 from raytrace.jit import inlined
@@ -55,7 +55,7 @@ def enter_single(tree, node, rays, tmax, top, work):
     near, far = planes_of_node(tree.nodes.bounds, node * NODE_SIZE, rays.axes)
     t, entered = slab_test(rays.slabs, near, far, rays.tmin, tmax)
     work.counts[0] += 1
-    left = bits(entered)
+    left = bits(entered) & np.int64(peek(tree.nodes.child, node * NODE_SIZE + PRESENT))  # a NaN enters what is absent
     if left == 0:
         return NOTHING, top
     k = first_bit(left)
