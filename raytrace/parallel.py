@@ -15,7 +15,7 @@ POLL = 0.1  # seconds between two looks at the keyboard
 GRAIN = 1024  # rows: what is shared out in ranges is cut at multiples of this
 LEAST, MOST = 1 << 14, 1 << 17  # rows of a range, if they are quick
 PIECE = 0.1  # seconds: about what a range takes at most, so that Ctrl-C is soon noticed
-WORTH = 0.0005  # seconds of work for which a thread is started, which takes a tenth of that
+WORTH = 0.001  # seconds of work for which a thread is started, which takes a tenth of that, and on a busy machine all
 
 
 def thread_count(threads: int | None) -> int:

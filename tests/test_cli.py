@@ -322,6 +322,41 @@ def test_schema_is_json(capsys):
     assert "properties" in json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.parametrize(("failures", "code"), [(0, 0), (3, 5)])
+def test_report_runs_the_hard_cases_and_fails_if_ours_do(tmp_path, monkeypatch, capsys, failures, code):
+    from raytrace.report import hard_cases, hard_table
+
+    outcome = SimpleNamespace(our_failures=failures)
+    monkeypatch.setattr(hard_cases, "run", lambda progress: outcome)
+    monkeypatch.setattr(hard_table, "text", lambda found: "the table" if found is outcome else "")
+    monkeypatch.setattr(
+        hard_table, "write", lambda found, folder: [folder / "hard-cases.json", folder / "hard-cases.md"]
+    )
+    folder = tmp_path / "new" / "folder"
+    assert cli.main(["report", "--hard-cases", "-o", str(folder)]) == code
+    out, err = capsys.readouterr()
+    assert out.splitlines() == ["the table", "", str(folder / "hard-cases.json"), str(folder / "hard-cases.md")]
+    assert err == ""
+    assert folder.is_dir()
+
+
+def test_report_checks_its_folder_first(tmp_path, monkeypatch, capsys):
+    from raytrace.report import hard_cases
+
+    monkeypatch.setattr(hard_cases, "run", lambda progress: pytest.fail("time was spent"))
+    (tmp_path / "file").touch()
+    assert cli.main(["report", "--hard-cases", "-o", str(tmp_path / "file")]) == 4
+    assert "can't be made" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["-o", "folder"], ["scene.json", "-o", "folder"], ["--hard-cases"]])
+def test_report_says_what_it_does(words, capsys):
+    with pytest.raises(SystemExit) as left:
+        cli.main(["report", *words])
+    assert left.value.code == 2
+    assert "required: " + ("-o" if words == ["--hard-cases"] else "--hard-cases") in capsys.readouterr().err
+
+
 def test_doctor_prints_a_fact_a_line(capsys):
     assert cli.main(["doctor"]) == 0
     facts = [line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines()]

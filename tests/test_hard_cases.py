@@ -36,9 +36,9 @@ class Changed(Ours):
 @pytest.fixture
 def few(monkeypatch):
     """A few cases of every kind, for faults that are planted."""
-    names = "cube, from", "lattice rays", "duplicates", "grazing", "ends", "not finite"
+    names = "cube, from", "lattice rays", "huge", "duplicates", "grazing", "ends", "not finite"
     kept = [case for case in hard_cases.cases() if any(name in case.name for name in names)]
-    lit = [case for case in hard_cases.shadow_cases() if "1e+00" in case.name]
+    lit = [case for case in hard_cases.shadow_cases() if "1e+00" in case.name or "sphere, scale 1e+06" in case.name]
     monkeypatch.setattr(hard_cases, "cases", lambda: kept)
     monkeypatch.setattr(hard_cases, "shadow_cases", lambda: lit)
     return len(kept) + len(lit)
@@ -89,7 +89,7 @@ def test_lost_hits_are_wrong_or_leak(few):
         return hits._replace(t=np.where(odd, hits.t, np.inf), prim_id=np.where(odd, hits.prim_id, -1))
 
     lost = changed(hit=lose)
-    assert lost.leaks > 200
+    assert lost.leaks > 80
     assert lost.wrong > 10
     assert lost.self_shadows == lost.light_leaks == 0
 

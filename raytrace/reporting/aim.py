@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from raytrace.reporting.hard_meshes import F8, choice, uniform
+from raytrace.reporting.hard_meshes import Doubles, choice, uniform
 
 Reals = NDArray[np.floating]
 
@@ -28,20 +28,20 @@ def towards(origins: ArrayLike, targets: Reals) -> tuple[Reals, Reals]:
     return o, np.tile(targets, (len(origins), 1)) - o
 
 
-def lattice(n: int, seed: int) -> tuple[F8, F8]:
+def lattice(n: int, seed: int) -> tuple[Doubles, Doubles]:
     """Small integers; the components of a direction are 0, -0 or powers of two, so that nothing is rounded."""
     directions = choice(seed, [-2.0, -1.0, -0.0, 0.0, 1.0, 2.0], n, 3)
     directions[(directions == 0).all(axis=1)] = 1.0
     return np.floor(4.5 * uniform(seed + 1, n, 3) + 0.5), directions
 
 
-def signed_axes() -> F8:
+def signed_axes() -> Doubles:
     """All 24 ways to write a direction along an axis, with zeros of both signs."""
     signs = product((-1.0, 1.0), (-0.0, 0.0), (-0.0, 0.0))
     return np.array([np.roll(numbers, k) for numbers in signs for k in range(3)])
 
 
-def bad_rays() -> tuple[F8, F8]:
+def bad_rays() -> tuple[Doubles, Doubles]:
     """Rays that hit nothing, though those that they are made of hit the triangle (0 0 0, 4 0 0, 0 4 0)."""
     bad = [np.nan, np.inf, -np.inf]
     o, d = np.full((18, 3), 1.0), np.full((18, 3), -1.0)

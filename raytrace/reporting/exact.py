@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-F8 = NDArray[np.float64]
+Doubles = NDArray[np.float64]
 Index = NDArray[np.intp]
 Whole = NDArray[np.object_]  # Python's integers
 Triple = tuple[Any, Any, Any]
@@ -28,12 +28,12 @@ class Crossings(NamedTuple):
     ray: Index  # (k,)
     prim: Index  # (k,): the first of equal triangles
     kind: NDArray[np.int8]  # (k,): INTERIOR, EDGE or VERTEX
-    t: F8  # (k,) units of the direction; negative: behind the origin
-    u: F8  # (k,) weight of v1
-    v: F8  # (k,) weight of v2
-    edge: F8  # (k, 3) world units: distance of the line from the edges opposite v0, v1, v2
-    cosine: F8  # (k,): between line and normal, > 0
-    height: F8  # (k,) world units: least height of the triangle as seen along the ray
+    t: Doubles  # (k,) units of the direction; negative: behind the origin
+    u: Doubles  # (k,) weight of v1
+    v: Doubles  # (k,) weight of v2
+    edge: Doubles  # (k, 3) world units: distance of the line from the edges opposite v0, v1, v2
+    cosine: Doubles  # (k,): between line and normal, > 0
+    height: Doubles  # (k,) world units: least height of the triangle as seen along the ray
 
 
 def dot(a: Triple, b: Triple) -> Any:
@@ -51,7 +51,7 @@ def sub(a: Triple, b: Triple) -> Triple:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-def norm(a: Triple) -> F8:
+def norm(a: Triple) -> Doubles:
     """Length of an (x, y, z) of float arrays."""
     return np.asarray(np.hypot(np.hypot(a[0], a[1]), a[2]))
 
@@ -61,7 +61,7 @@ def columns(a: NDArray[Any]) -> Triple:
     return a[..., 0], a[..., 1], a[..., 2]
 
 
-def parts(a: F8) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def parts(a: Doubles) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Floats as integers of 53 bits times powers of two."""
     mantissa, exponent = np.frexp(a)
     return (mantissa * 2.0**53).astype(np.int64), exponent.astype(np.int64) - 53
@@ -73,12 +73,12 @@ def raised(whole: NDArray[np.int64], exponent: NDArray[np.int64], low: NDArray[n
     return np.asarray(whole.astype(object) << shift.astype(object), object)
 
 
-def ratio(numerator: Whole, denominator: Whole | int) -> F8:
+def ratio(numerator: Whole, denominator: Whole | int) -> Doubles:
     """Quotients of integers, rounded once."""
     return np.asarray(numerator / denominator, np.float64)
 
 
-def magnitude(a: F8) -> int:
+def magnitude(a: Doubles) -> int:
     """Least e with |a| < 2^e; 0 where all is zero."""
     return int(np.frexp(np.abs(a).max(initial=0.0))[1])
 
@@ -115,7 +115,7 @@ class Oracle:
         self._make_integers(rows.reshape(-1, 3, 3), o, d)
         self.crossings = self._crossings(np.flatnonzero(good))
 
-    def _make_integers(self, rows: F8, o: F8, d: F8) -> None:
+    def _make_integers(self, rows: Doubles, o: Doubles, d: Doubles) -> None:
         """Positions in units of 2^low, each direction in units of its own."""
         (v, v_exponent), (p, p_exponent), (w, w_exponent) = parts(rows), parts(o), parts(d)
         exponents = np.concatenate([v_exponent[v != 0], p_exponent[p != 0]])
@@ -204,12 +204,12 @@ class Oracle:
         """Whether triangles have an area."""
         return np.asarray((self._normal[self.group[prim]] != 0).any(axis=1), bool)
 
-    def reach(self, ray: Index, prim: Index) -> F8:
+    def reach(self, ray: Index, prim: Index) -> Doubles:
         """Distance from the origin to the farthest vertex of pairs, world units."""
         away = self.corners[self.group[prim]] - self.o[ray][:, None]
         return np.ldexp(np.sqrt((away**2).sum(axis=2).max(axis=1, initial=0.0)), self._scale)
 
-    def distance(self, ray: Index, prim: Index, t: F8) -> F8:
+    def distance(self, ray: Index, prim: Index, t: Doubles) -> Doubles:
         """Distance of o + t d from triangles, world units; t finite, and such that the point is not far beyond them.
 
         The point relative to each vertex is exact and then rounded; so is its distance from the plane, and whether it

@@ -6,12 +6,12 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-F8 = NDArray[np.float64]
+Doubles = NDArray[np.float64]
 Faces = NDArray[np.int64]
-Mesh = tuple[F8, Faces]
+Mesh = tuple[Doubles, Faces]
 
 
-def uniform(seed: int, *shape: int) -> F8:
+def uniform(seed: int, *shape: int) -> Doubles:
     """Numbers in [-1, 1), each a hash of the seed and its place.
 
     >>> bool((uniform(1, 8, 3)[:4] == uniform(1, 4, 3)).all())
@@ -25,7 +25,7 @@ def uniform(seed: int, *shape: int) -> F8:
     return (((bits[:, 0] // 2**5) * 2.0**26 + bits[:, 1] // 2**6) * 2.0**-52 - 1.0).reshape(shape)
 
 
-def choice(seed: int, values: list[float], *shape: int) -> F8:
+def choice(seed: int, values: list[float], *shape: int) -> Doubles:
     """Some of these values, each by its own address."""
     return np.array(values)[((uniform(seed, *shape) + 1) * 0.5 * len(values)).astype(int)]
 
@@ -122,14 +122,14 @@ def joined(*meshes: Mesh) -> Mesh:
     return np.concatenate([vertices for vertices, _ in meshes]), np.concatenate(faces)
 
 
-def turned(points: F8) -> F8:
+def turned(points: Doubles) -> Doubles:
     """Points turned about an axis of no special direction: the rotation of the quaternion (1, 2, 3, 4)."""
     rotation = np.array([[-20.0, 4.0, 22.0], [20.0, -10.0, 20.0], [10.0, 28.0, 4.0]]) / 30
     return points @ rotation.T
 
 
 # Closed meshes, and points inside them that see every wall, or at least some wall in every direction.
-CLOSED: dict[str, tuple[Callable[[], Mesh], F8]] = {
+CLOSED: dict[str, tuple[Callable[[], Mesh], Doubles]] = {
     "cube": (cube, np.array([[0, 0, 0], [0.3, -0.7, 0.2], [0.999, 0.999, 0.999]])),
     "icosphere": (lambda: icosphere(3), np.array([[0, 0, 0], [0.1, 0.2, -0.3], [0.5, 0.5, 0.5]])),
     "torus": (lambda: torus(40, 20), np.array([[1, 0, 0], [0.6, 0.8, 0.1], [-0.7, -0.7, 0.2]])),

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from raytrace.reporting.hard_meshes import F8, Mesh, grid, icosphere, joined, turned, uniform
+from raytrace.reporting.hard_meshes import Doubles, Mesh, grid, icosphere, joined, turned, uniform
 
 Reals = NDArray[np.floating]
 RAYS, LIGHTS = 200, 5  # a case
@@ -76,15 +76,15 @@ def plate(z: float) -> Mesh:
     return np.array([[-2.0, -2, z], [2, -2, z], [2, 2, z], [-2, 2, z]]), np.array([[0, 1, 2], [0, 2, 3]])
 
 
-def floor_points(seed: int) -> F8:
+def floor_points(seed: int) -> Doubles:
     """Half of them anywhere, half on edges and corners of the floor's triangles."""
-    points: F8 = np.column_stack([uniform(seed, RAYS, 2) * 0.85, np.zeros(RAYS)])
+    points: Doubles = np.column_stack([uniform(seed, RAYS, 2) * 0.85, np.zeros(RAYS)])
     points[::2, 0] = np.round(points[::2, 0] * 4) / 4
     points[::4, 1] = np.round(points[::4, 1] * 4) / 4
     return points
 
 
-def lights(seed: int, spread: ArrayLike, middle: ArrayLike) -> F8:
+def lights(seed: int, spread: ArrayLike, middle: ArrayLike) -> Doubles:
     """A few positions about a middle, for each ray the next one."""
     return np.resize(uniform(seed + 2, LIGHTS, 3) * np.asarray(spread) + np.asarray(middle), (RAYS, 3))
 
@@ -107,7 +107,7 @@ def wide(wall: bool, dtype: np.dtype, seed: int) -> LightQuery:
     """Points near the origin of a floor of two triangles 200 wide, lit, or under a plate."""
     vertices, faces = plate(0.0)
     mesh = joined((vertices * 50, faces), *[(plate(200 * GAP)[0] * [50, 50, 1], faces)] * wall)
-    points: F8 = np.column_stack([uniform(seed, RAYS, 2), np.zeros(RAYS)])
+    points: Doubles = np.column_stack([uniform(seed, RAYS, 2), np.zeros(RAYS)])
     return placed(Place(1.0), mesh, ([0.3, -0.2, -2.0], points, [0.4, 0.5, 1.0]), wall, dtype)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.records import Hits
-from raytrace.reporting.exact import F8, Index, Oracle
+from raytrace.reporting.exact import Doubles, Index, Oracle
 
 Flags = NDArray[np.bool_]
 
@@ -101,10 +101,11 @@ class Judge:
         t, prim = np.asarray(hits.t, np.float64), np.asarray(hits.prim_id, np.int64)
         found = (prim >= 0) & (prim < len(self.query.faces)) & np.isfinite(t)
         missed, leak = self._missed(np.where(found, t, np.inf))
-        wrong = missed | (~found & (prim != -1))
         row = np.flatnonzero(found)
-        wrong[row] |= self._implausible(row, prim[row], t[row])
-        return Verdict(wrong & ~leak, leak, *self._errors(hits))
+        false = ~found & (prim != -1)
+        false[row] = self._implausible(row, prim[row], t[row])
+        leak &= ~false  # such a ray went nowhere
+        return Verdict((missed | false) & ~leak, leak, *self._errors(hits))
 
     def _pairs(self, ray: Index, prim: Index) -> tuple[Flags, Index]:
         """Whether pairs cross, and their row of the crossings."""
@@ -116,7 +117,7 @@ class Judge:
         at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
         return keys[at] == wanted, at
 
-    def _implausible(self, ray: Index, prim: Index, t: F8) -> Flags:
+    def _implausible(self, ray: Index, prim: Index, t: Doubles) -> Flags:
         """Hits that lie off their triangle, outside of the interval, or on no area."""
         low, high = self._tmin[ray], self._tmax[ray]
         bad = ~((low < high) & (low <= t) & (t <= high)) | ~self._finite[ray] | ~self.oracle.has_area(prim)
@@ -157,7 +158,7 @@ class Judge:
 
     # --- misses ---
 
-    def _missed(self, t: F8) -> tuple[Flags, Flags]:
+    def _missed(self, t: Doubles) -> tuple[Flags, Flags]:
         """Rays that went past a triangle before their answer t, and which of them between neighbours."""
         c = self.crossings
         pairs = np.flatnonzero(self._required & (t[c.ray] > c.t + self._slack))
@@ -207,7 +208,7 @@ class Judge:
         both = np.bincount(number.ravel(), (owner + 0 * number).ravel().astype(np.float64)).astype(np.intp)
         return np.where((keys >= 0) & (count[number] == 2), both[number] - owner, -1)
 
-    def _beside(self, ray: Index, prim: Index) -> F8:
+    def _beside(self, ray: Index, prim: Index) -> Doubles:
         """Distance of lines from the edges (n, 3) of triangles as seen along them, by float64; world units."""
         corners = self.oracle.corners[self.oracle.group[prim]] - self.oracle.o[ray][:, None]
         d = self.oracle.d[ray][:, None] / np.sqrt((self.oracle.d[ray] ** 2).sum(axis=1))[:, None, None]
