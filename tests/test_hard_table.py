@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 import raytrace as rt
+from raytrace.reporting.folder import check_folder
 from raytrace.reporting.hard_cases import Outcome, Score
 from raytrace.reporting.hard_rays import cases
 from raytrace.reporting.hard_shadows import shadow_cases
-from raytrace.reporting.hard_table import as_json, check_folder, failures_table, markdown, text, text_table, write
+from raytrace.reporting.hard_table import as_json, failures_table, markdown, text, text_table, write
 
 NAN = float("nan")
 
