@@ -2,10 +2,13 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from raytrace.accel.lanes import absolute, bits, fma, maximum, minimum, select
 from raytrace.jit import inlined, specialised
 from raytrace.records import MollerTrumboreLeaves, WatertightLeaves
 
+GRAZING = 0.125  # slope of a plane to the ray below which rounding carries a hit past the triangle's rim
 MIN_DETERMINANT = 1e-5  # Moller-Trumbore only: the course's absolute threshold, in user units
 
 
@@ -51,13 +54,22 @@ def normal_part(n, a):
 
 
 @inlined
+def chord_end(z0, m0, z1, m1, low, high):
+    """Widen [low, high] by z where an edge crosses the plane of ray and normal; m: distances of its ends from that."""
+    crosses = ((m0 <= 0.0) & (m1 >= 0.0)) | ((m0 >= 0.0) & (m1 <= 0.0))
+    z = fma(m0 / (m0 - m1), z1 - z0, z0)
+    z = maximum(minimum(z, maximum(z0, z1)), minimum(z0, z1))
+    return minimum(select(crosses, z, np.inf), low), maximum(select(crosses, z, -np.inf), high)
+
+
+@inlined
 def watertight(frame, v0, v1, v2, n):
     """Mask, t, u, v of rays and triangles; t, u, v are meaningless where the mask is False.
 
     Inclusion after Woop, Benthin and Wald 2013: neighbours see the same sheared vertices, and so agree exactly about
     their shared edge. Distance from the plane, for the weights alone are too rough in slivers: every vertex lies at the
     same height n . (v - o) over the origin, so z = height / (n . d / d_z). The vertex nearest to the hit counts most,
-    and z is kept within the triangle's own range, also where the ray all but lies in the plane.
+    and z is kept within the triangle's own range; where the ray grazes the plane, within the chord below the ray.
     """
     a = v0[0] - frame.ox, v0[1] - frame.oy, v0[2] - frame.oz
     b = v1[0] - frame.ox, v1[1] - frame.oy, v1[2] - frame.oz
@@ -76,16 +88,24 @@ def watertight(frame, v0, v1, v2, n):
         v = edge_tie(v, ax, ay, cx, cy)
         w = edge_tie(w, bx, by, ax, ay)
         inside = same_side(u, v, w)
-    area = u + v + w
-    inside = inside & (absolute(area) > 0.0)  # zero: the ray lies in the plane; NaN: a miss
-    scale = 1.0 / area
+    scale = 1.0 / (u + v + w)
+    inside = inside & (absolute(scale) < np.inf)  # inf: the ray all but lies in the plane; NaN: a miss
     u = u * scale
     v = v * scale
     w = w * scale
     height = fma(u, normal_part(n, a), fma(v, normal_part(n, b), w * normal_part(n, c)))
-    z = height / (n[2] - fma(n[0], frame.sx, n[1] * frame.sy))
+    slope = n[2] - fma(n[0], frame.sx, n[1] * frame.sy)
+    z = height / slope
     low = minimum(minimum(a[2], b[2]), c[2])
     high = maximum(maximum(a[2], b[2]), c[2])
+    grazing = inside & (absolute(slope) < GRAZING)
+    if bits(grazing) != 0:
+        p, q, r = ax * n[1] - ay * n[0], bx * n[1] - by * n[0], cx * n[1] - cy * n[0]
+        first, last = chord_end(a[2], p, b[2], q, np.inf, -np.inf)
+        first, last = chord_end(b[2], q, c[2], r, first, last)
+        first, last = chord_end(c[2], r, a[2], p, first, last)
+        grazing = grazing & (first <= last)
+        low, high = select(grazing, first, low), select(grazing, last, high)
     return inside, maximum(minimum(z, high), low) / frame.dz, v, w
 
 
