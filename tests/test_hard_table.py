@@ -87,11 +87,11 @@ def test_json_is_strict_versioned_and_complete(outcome):
 def test_both_files_are_written_whole(outcome, tmp_path):
     paths = write(outcome, tmp_path)
     assert [path.name for path in paths] == ["hard-cases.json", "hard-cases.md"]
-    assert sorted(tmp_path.iterdir()) == paths
+    assert sorted(tmp_path.iterdir()) == list(paths)
     assert json.loads(paths[0].read_text("utf-8")) == json.loads(json.dumps(as_json(outcome)))
     assert paths[1].read_text("utf-8") == markdown(outcome)
     write(outcome, tmp_path)  # again, over the first
-    assert sorted(tmp_path.iterdir()) == paths
+    assert sorted(tmp_path.iterdir()) == list(paths)
 
 
 def test_a_folder_is_made_or_refused_in_a_line(tmp_path):
