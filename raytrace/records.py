@@ -164,6 +164,7 @@ class Tree(NamedTuple):
 
     nodes: Nodes
     leaves: WatertightLeaves | MollerTrumboreLeaves
+    extent: NDArray[np.floating]  # (7,) f, world units: low x y z and high x y z of all boxes; side of a usual leaf
 
 
 class View(NamedTuple):

@@ -62,7 +62,7 @@ def rounded(precision: str, *arrays: F8) -> tuple[F8, ...]:
     return tuple(array.astype(precision).astype(np.float64) for array in arrays)
 
 
-# --- two ways through the tree ---------------------------------------------------------------------------------------
+# --- three ways through the tree -------------------------------------------------------------------------------------
 
 
 def packed(bvh: rt.BVH, o: NDArray[np.floating], d: NDArray[np.floating], tmin: float = 0.0) -> rt.Hits:
@@ -75,9 +75,15 @@ def mixed(bvh: rt.BVH, o: NDArray[np.floating], d: NDArray[np.floating], tmin: f
     return tracers.alone(functools.partial(tracers.closest_as_given, bvh), o, d, tmin)
 
 
-def both_paths(bvh: rt.BVH, o: NDArray[np.floating], d: NDArray[np.floating], tmin: float = 0.0) -> Iterator[rt.Hits]:
+def bundled(bvh: rt.BVH, o: NDArray[np.floating], d: NDArray[np.floating], tmin: float = 0.0) -> rt.Hits:
+    """Nearest hits with every ray the only one of its bundle that is alive, behind a frustum of its own."""
+    return tracers.bundled(functools.partial(tracers.closest_as_given, bvh), o, d, tmin)
+
+
+def all_paths(bvh: rt.BVH, o: NDArray[np.floating], d: NDArray[np.floating], tmin: float = 0.0) -> Iterator[rt.Hits]:
     yield packed(bvh, o, d, tmin)
     yield mixed(bvh, o, d, tmin)
+    yield bundled(bvh, o, d, tmin)
 
 
 def same_bits(a: ArrayLike, b: ArrayLike) -> bool:

@@ -44,7 +44,7 @@ def test_boxes_lose_nothing_at_edges_and_vertices(name, distance, precision):
     bvh = rt.BVH(vertices, faces, precision)
     t, prim_id = unboxed(vertices, faces, precision, o, d)
     assert np.mean(prim_id >= 0) > 0.5
-    for hits in rays.both_paths(bvh, o, d):
+    for hits in rays.all_paths(bvh, o, d):
         assert rays.same_bits(hits.t, t)
         assert np.array_equal(hits.prim_id, prim_id)
 
@@ -63,7 +63,7 @@ def test_boxes_without_thickness_are_entered(axis, precision):
     bvh = rt.BVH(vertices, faces, precision)
     crosses = d[:, across] != 0  # a rounding may leave o in the plane
     assert crosses.mean() > 0.99
-    for hits in rays.both_paths(bvh, o[crosses], d[crosses]):
+    for hits in rays.all_paths(bvh, o[crosses], d[crosses]):
         assert (hits.prim_id >= 0).all()
 
 
@@ -75,7 +75,7 @@ def test_origins_on_faces_edges_and_corners_of_boxes_see_the_other_side(precisio
     o, to = (a.reshape(-1, 3) for a in np.broadcast_arrays(on_box[:, None], 0.9 * steps))
     bvh = rt.BVH(vertices, faces, precision)
     d = to - o
-    for hits in rays.both_paths(bvh, o.astype(precision), d.astype(precision)):
+    for hits in rays.all_paths(bvh, o.astype(precision), d.astype(precision)):
         assert (hits.prim_id >= 0).all()  # from the wall inwards: the wall itself at t = 0 is not in the open interval
         assert (hits.t > 0.9).all()
 
@@ -96,7 +96,7 @@ def test_far_origins_lose_nothing(distance, precision):
     )
     assert aimed.mean() > 0.8
     bvh = rt.BVH(vertices, faces, precision)
-    for hits in rays.both_paths(bvh, o[aimed], d[aimed]):
+    for hits in rays.all_paths(bvh, o[aimed], d[aimed]):
         # v - o is rounded to eps times the distance, and a mesh that is smaller than that may be missed
         if distance * np.finfo(precision).eps < 0.05:
             assert (hits.prim_id >= 0).all()
@@ -118,7 +118,7 @@ def test_components_next_to_nothing_are_like_zeros(precision):
     tiny = float(np.finfo(precision).smallest_subnormal)
     for small in (tiny, -tiny, 1e-38, -1e-38, 1e-30, -1e-20):
         d = np.array([[1, small, 0], [small, -1, small], [0, small, 1], [-1, small, -small]], precision)
-        for hits in rays.both_paths(bvh, np.zeros_like(d), d):
+        for hits in rays.all_paths(bvh, np.zeros_like(d), d):
             assert (hits.t == 1).all()
         outside = bvh.closest_hit(np.array([[-2, 1.5, 0]] * 4, precision), d)
         assert (outside.prim_id == -1).all()

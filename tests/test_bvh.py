@@ -82,7 +82,7 @@ def test_of_ten_thousand_equal_triangles_the_first_is_hit(precision, split):
     far = np.concatenate([vertices + [0, 0, -1], vertices])
     bvh = rt.BVH(far, np.concatenate([[[0, 1, 2]] * 7, np.repeat(faces + 3, 10_000, axis=0)]), precision, split)
     o, d = np.random.default_rng(8).uniform(0.1, 1.0, (64, 3)), [0.0, 0.0, -1.0]
-    for hits in rays.both_paths(bvh, o.astype(precision), np.tile(d, (64, 1)).astype(precision)):
+    for hits in rays.all_paths(bvh, o.astype(precision), np.tile(d, (64, 1)).astype(precision)):
         assert (hits.prim_id == 7).all()
 
 
@@ -98,7 +98,7 @@ def test_of_overlapping_triangles_in_a_plane_the_first_is_hit(precision, split):
     expected = naive.closest_hit(vertices, faces, o, d)
     assert len(np.unique(expected.prim_id)) > 20
     bvh = rt.BVH(vertices, faces, precision, split)
-    for hits in rays.both_paths(bvh, o.astype(precision), d.astype(precision)):
+    for hits in rays.all_paths(bvh, o.astype(precision), d.astype(precision)):
         assert np.array_equal(hits.prim_id, expected.prim_id)
         assert np.array_equal(hits.t, expected.t)
 

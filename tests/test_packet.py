@@ -8,6 +8,7 @@ import pytest
 import exact
 import rays
 import raytrace as rt
+from raytrace.accel.bundle import BUNDLE
 from raytrace.accel.lanes import packet_width
 
 PRECISIONS = ("float32", "float64")
@@ -22,7 +23,7 @@ def test_no_ray_leaks_out_of_a_closed_mesh(name, precision, split):
     mesh = make()
     o, d = rays.towards(inside, rays.edge_points(mesh, precision, seed=1))
     bvh = rt.BVH(*mesh, precision, split)
-    for hits in rays.both_paths(bvh, o, d):
+    for hits in rays.all_paths(bvh, o, d):
         assert np.count_nonzero(hits.prim_id < 0) == 0
     assert bvh.any_hit(o, d).all()
 
@@ -35,7 +36,7 @@ def test_no_ray_leaks_wherever_the_mesh_lies_and_however_large_it_is(move, preci
     mesh = vertices * scale + shift, faces
     o, d = rays.towards([[shift] * 3], rays.edge_points(mesh, precision, seed=2))
     bvh = rt.BVH(*mesh, precision)
-    for hits in rays.both_paths(bvh, o, d):
+    for hits in rays.all_paths(bvh, o, d):
         assert np.count_nonzero(hits.prim_id < 0) == 0
 
 
@@ -47,9 +48,9 @@ def test_rays_side_by_side_and_alone_get_the_same_bits(name, precision):
     random = rays.anywhere(3000, seed=4)
     o, d = (np.concatenate([a, b.astype(precision)]) for a, b in zip((o, d), random, strict=True))
     bvh = rt.BVH(*mesh, precision)
-    packed, mixed = rays.both_paths(bvh, o, d)
+    packed, *others = rays.all_paths(bvh, o, d)
     assert 0.1 < np.mean(packed.prim_id >= 0) < 1.0
-    assert rays.same_hits(packed, mixed)
+    assert all(rays.same_hits(packed, hits) for hits in others)
     assert rays.same_hits(packed, bvh.closest_hit(o, d))
 
 
@@ -58,9 +59,9 @@ def test_rays_side_by_side_and_alone_get_the_same_bits(name, precision):
 def test_random_rays_side_by_side_and_alone_get_the_same_bits(precision, triangle):
     bvh = rt.BVH(*rays.soup(500, seed=5), precision, triangle=triangle)
     o, d = (a.astype(precision) for a in rays.anywhere(8000, seed=6))
-    packed, mixed = rays.both_paths(bvh, o, d)
+    packed, *others = rays.all_paths(bvh, o, d)
     assert 0.3 < np.mean(packed.prim_id >= 0) < 1.0
-    assert rays.same_hits(packed, mixed)
+    assert all(rays.same_hits(packed, hits) for hits in others)
 
 
 @functools.cache
@@ -82,7 +83,7 @@ def test_lattice_rays_hit_what_exact_arithmetic_says(precision):
     vertices, faces, o, d, expected = lattice_scene()
     bvh = rt.BVH(vertices, faces, precision)
     eps = np.finfo(precision).eps
-    for hits in rays.both_paths(bvh, o.astype(precision), d.astype(precision), NEAREST):
+    for hits in rays.all_paths(bvh, o.astype(precision), d.astype(precision), NEAREST):
         for i, (t, tied, crossings) in enumerate(expected):
             assert (hits.t[i] < np.inf) == (t is not None), (o[i], d[i])
             if t is None:
@@ -105,7 +106,7 @@ def test_rays_along_axes_meet_vertices_whatever_the_signs_of_their_zeros(precisi
             precision
         )
         o, d = (a.reshape(-1, 3) for a in np.broadcast_arrays(targets[:, None] - 3 * directions, directions))
-        for hits in rays.both_paths(bvh, o, d):
+        for hits in rays.all_paths(bvh, o, d):
             assert (hits.t == 3).all()
 
 
@@ -119,7 +120,7 @@ def test_rays_in_the_planes_of_boxes_leave_a_cube_of_small_cubes(precision):
     o, d = rays.lattice(4000, seed=9)
     o = np.clip(o, -2, 2) + np.random.default_rng(10).choice([-0.5, 0.0, 0.5], o.shape)
     inside = (np.abs(o) < 2.5).all(axis=1)
-    for hits in rays.both_paths(bvh, o[inside].astype(precision), d[inside].astype(precision)):
+    for hits in rays.all_paths(bvh, o[inside].astype(precision), d[inside].astype(precision)):
         assert (hits.prim_id >= 0).all()
 
 
@@ -165,17 +166,20 @@ def test_neighbours_of_extreme_lengths_change_nothing(precision):
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
-def test_packets_share_their_way_and_others_go_alone(precision):
-    """What the tests above stand on: nodes are counted once for a packet, and once for every ray that goes alone."""
-    bvh = rt.BVH(*rays.cube(), precision)
-    d = np.tile(np.array([[1.0, 0.5, 0.25]], precision), (rays.PACKET, 1))
-    visited = []
-    for query in (rays.packed, rays.mixed):
+def test_bundles_and_packets_share_their_way_and_others_go_alone(precision):
+    """What the tests above stand on: nodes are counted once for a bundle, a packet, or a ray that goes alone."""
+    bvh = rt.BVH(*rays.cube(), precision)  # of one node
+    d = np.tile(np.array([[1.0, 0.5, 0.25]], precision), (BUNDLE * rays.PACKET, 1))
+
+    def visited(query, **limits):
         work = bvh.work()
-        bvh.work = lambda work=work: work
-        query(bvh, 0 * d, d)
-        visited.append(work.counts[0])
+        bvh.work = lambda: work
+        query(bvh, 0 * d, d, **limits)
         del bvh.work
-    packets = rays.PACKET // packet_width(bvh.triangles)
-    assert visited[0] <= 4 * packets
-    assert visited[1] >= rays.PACKET
+        return work.counts[0]
+
+    width = packet_width(bvh.triangles)
+    assert visited(rays.packed) == len(d) // (BUNDLE * width)
+    assert visited(rays.packed, tmin=-1.0) == len(d) // width  # a frustum begins where its rays do
+    assert visited(rays.mixed) >= len(d)
+    assert visited(rays.bundled) == len(d)

@@ -22,7 +22,7 @@ def test_all_paths_give_the_bits_of_a_plain_query(precision):
     hits, blocked = bvh.closest_hit(o, d, tmin, tmax), bvh.any_hit(o, d, tmin, tmax)
     assert 0.1 < blocked.mean() < 0.9
     ways = list(paths(bvh))
-    assert len(ways) == 3
+    assert len(ways) == 4
     for closest, occluded in ways:
         assert rays.same_hits(closest(o, d, tmin, tmax), hits)
         assert np.array_equal(occluded(o, d, tmin, tmax), blocked)
@@ -30,7 +30,7 @@ def test_all_paths_give_the_bits_of_a_plain_query(precision):
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
-def test_paths_visit_nodes_alone_together_or_in_packets(precision):
+def test_paths_visit_nodes_alone_together_or_behind_a_frustum(precision):
     bvh = rt.BVH(*rays.cube(), precision)
     d = np.tile(np.array([[1.0, 0.5, 0.25]], precision), (4 * rays.PACKET, 1))
     visited = []
@@ -40,16 +40,17 @@ def test_paths_visit_nodes_alone_together_or_in_packets(precision):
         closest(0 * d, d)
         visited.append(work.counts[0])
         del bvh.work
-    packed, _, alone = visited
+    packed, _, alone, bundled = visited
     assert alone >= 4 * rays.PACKET
     assert packed < alone / 2
+    assert bundled == 4 * rays.PACKET
 
 
 def test_every_tree_is_asked_in_every_way():
     query = CASES["cube, from inside"].query("float32", 9)
     ours = Ours("float32")
-    assert len(list(ours.nearest(query))) == len(list(ours.blocked(query))) == 2 * 3
-    assert len(list(ours.shadows(SHADOWS["lit floor, scale 1e+00"].query("float32", 50)))) == 6
+    assert len(list(ours.nearest(query))) == len(list(ours.blocked(query))) == 2 * 4
+    assert len(list(ours.shadows(SHADOWS["lit floor, scale 1e+00"].query("float32", 50)))) == 8
     assert [tracer.name for tracer in tracers()] == [
         "raytrace float32",
         "raytrace float64",

@@ -10,7 +10,7 @@ from raytrace.accel.boxes import BOX, clear
 from raytrace.accel.flatten import flatten
 from raytrace.accel.grow import MAX_DEPTH, SPLITS, Part, grow, make_binary, make_scratch
 from raytrace.accel.lanes import NODE
-from raytrace.accel.layout import make_leaves, make_nodes
+from raytrace.accel.layout import boxes_of, children_of, make_leaves, make_nodes
 from raytrace.jit import inlined, interpreted, kernel
 from raytrace.records import MollerTrumboreLeaves, Tree, WatertightLeaves
 
@@ -101,7 +101,16 @@ def build(vertices, faces, split, triangle):
     fitting = make_nodes(node_count, dtype)
     fitting.bounds[:] = nodes.bounds[: len(fitting.bounds)]
     nodes = fitting
-    return Tree(nodes, leaves), triangles, levels
+    return Tree(nodes, leaves, _extent(nodes)), triangles, levels
+
+
+def _extent(nodes):
+    """Low and high corner of a tree, and the side of a cube whose surface is the mean of its leaves'."""
+    boxes, leaf = boxes_of(nodes), children_of(nodes) < 0
+    low, high = boxes[0, :3].min(axis=1), boxes[0, 3:].max(axis=1)
+    x, y, z = (boxes[:, 3 + axis][leaf] - boxes[:, axis][leaf] for axis in range(3))
+    side = np.sqrt(np.mean(x * y + y * z + z * x) / 3) if leaf.any() else 0
+    return np.array([*low, *high, side], boxes.dtype)
 
 
 def _grow_all(binary, split, grow):

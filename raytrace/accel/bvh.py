@@ -5,11 +5,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from raytrace.accel import reorder
 from raytrace.accel.build import LEAVES, build
+from raytrace.accel.bundle import BUNDLE
 from raytrace.accel.door import check_faces, check_rays, check_vertices, one_of, rays_of
 from raytrace.accel.grow import SPLITS
 from raytrace.accel.health import TreeStats, tree_problems, tree_stats
 from raytrace.accel.kinds import ROWS
 from raytrace.accel.lanes import NODE, PACKET
+from raytrace.accel.layout import aligned
 from raytrace.parallel import MOST, share_out
 from raytrace.records import Hits, Surface, Work
 
@@ -233,4 +235,9 @@ class BVH:
         room = (NODE - 1) * self.levels + 2
         dtype = self.triangles.dtype
         stack = np.empty(room, dtype), np.empty(room, np.int32), np.empty(room, np.int32)
-        return Work(*stack, np.empty(ROWS * PACKET, dtype), np.empty(PACKET, np.int32), np.zeros(2, np.int64))
+        return Work(
+            *stack,
+            aligned((BUNDLE + 1) * ROWS * PACKET, dtype),
+            aligned((BUNDLE + 1) * PACKET, np.dtype(np.int32)),
+            np.zeros(2, np.int64),
+        )

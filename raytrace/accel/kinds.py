@@ -7,7 +7,8 @@ from raytrace.accel.lanes import absolute, bits, load, packet_width, peek, poke,
 from raytrace.accel.triangle import Frame
 from raytrace.jit import inlined
 
-SLABS, FRAME, TMIN, HIT = 0, 12, 21, 22  # rows of scratch memory; HIT: t, u, v, or tmax
+SLABS, FRAME, TMIN, HIT = 0, 12, 21, 22  # rows of scratch memory; HIT: t (at first tmax), u, v
+RAW = SLABS  # of a bundle's packets, which need no slabs: o, d, scale
 ROWS = 25
 
 
@@ -92,6 +93,12 @@ def row(work, number, like):
 
 
 @inlined
+def slot(r):
+    """First row of packet r of a bundle; the rows before the first slot are for rays that go on alone."""
+    return (r + 1) * ROWS
+
+
+@inlined
 def put_number(work, number, k, x):
     """Write lane k of a row of scratch memory."""
     poke(work.lanes, number * packet_width(work.lanes) + k, x)
@@ -125,3 +132,20 @@ def ray_of(work, axes, k):
         number_of(work, 20, k),
     )  # fmt: skip
     return Alike(slabs, frame, axes, number_of(work, 21, k))
+
+
+@inlined
+def hits_row(work, r):
+    """Where the prim_id of packet r of a bundle stand; those before are for rays that go on alone."""
+    return (r + 1) * packet_width(work.lanes)
+
+
+@inlined
+def frame_of(work, r, like):
+    """Frame of packet r of a bundle."""
+    at = slot(r) + FRAME
+    return Frame(
+        row(work, at, like), row(work, at + 1, like), row(work, at + 2, like),
+        row(work, at + 3, like), row(work, at + 4, like), row(work, at + 5, like),
+        row(work, at + 6, like), row(work, at + 7, like), row(work, at + 8, like),
+    )  # fmt: skip

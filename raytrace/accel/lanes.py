@@ -28,6 +28,11 @@ def packet_width(a):
     return BITS // 8 // a.itemsize
 
 
+def group_size(a):
+    """Lanes of a group in packets of arrays like ``a``: neighbours whose bounds are kept as one."""
+    return min(4, packet_width(a))
+
+
 def machine_epsilon(a):
     """Distance from 1 to the next number of the type of ``a``."""
     return np.finfo(a.dtype).eps
@@ -187,6 +192,16 @@ def lane_min(x):
 def lane_max(x):
     """Largest lane; none may be NaN."""
     return x.max()
+
+
+def group_min(x):
+    """In every lane the smallest of its group of four neighbours (of two, where a register has no more)."""
+    return np.repeat(x.reshape(-1, min(4, len(x))).min(axis=1), min(4, len(x)))
+
+
+def group_max(x):
+    """In every lane the largest of its group of four neighbours (of two, where a register has no more)."""
+    return np.repeat(x.reshape(-1, min(4, len(x))).max(axis=1), min(4, len(x)))
 
 
 def first_bit(x):

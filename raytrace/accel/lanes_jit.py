@@ -79,6 +79,12 @@ taught(
 
 
 taught(
+    lambda a: signature(types.int64, a),
+    lambda builder, sig, args: I64(min(4, BITS // sig.args[0].dtype.bitwidth)),
+)(lanes.group_size)
+
+
+taught(
     lambda a: signature(a.dtype, a),
     lambda builder, sig, args: ir.Constant(
         ELEMENTS[sig.return_type], 2.0 ** (-23 if sig.return_type.bitwidth == 32 else -52)
@@ -238,6 +244,26 @@ taught(lambda x: signature(x.elem, x), _emit_reduce("fmin"))(lanes.lane_min)
 
 
 taught(lambda x: signature(x.elem, x), _emit_reduce("fmax"))(lanes.lane_max)
+
+
+def _group(compare):
+    """Exchange lanes with those 1 and 2 away, and keep the lesser or the greater."""
+
+    def emit(builder, sig, args):
+        values, n = args[0], sig.args[0].n
+        for distance in (1, 2)[: 2 if n >= 4 else 1]:
+            others = ir.Constant(ir.VectorType(I32, n), [k ^ distance for k in range(n)])
+            moved = builder.shuffle_vector(values, values, others)
+            values = builder.select(builder.fcmp_ordered(compare, moved, values), moved, values)
+        return values
+
+    return emit
+
+
+taught(lambda x: signature(x, x), _group("<"))(lanes.group_min)
+
+
+taught(lambda x: signature(x, x), _group(">"))(lanes.group_max)
 
 
 taught(

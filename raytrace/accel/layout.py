@@ -36,7 +36,7 @@ def integers(dtype: np.dtype) -> np.dtype:
 def aligned(n: int, dtype: np.dtype) -> NDArray[Any]:
     """N elements that begin where a cache line does."""
     memory = np.zeros(n * dtype.itemsize + LINE, np.uint8)
-    start = -memory.ctypes.data % LINE
+    start = -memory.__array_interface__["data"][0] % LINE
     return memory[start : start + n * dtype.itemsize].view(dtype)
 
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import raytrace
 from raytrace.accel import query
+from raytrace.accel.bundle import BUNDLE
 from raytrace.accel.bvh import BVH
 from raytrace.accel.door import columns_of
 from raytrace.accel.grow import SPLITS
@@ -75,12 +76,28 @@ def packed(ask: Callable[..., Any], o: Reals, d: Reals, tmin: ArrayLike = 0.0, t
 
 
 def alone(ask: Callable[..., Any], o: Reals, d: Reals, tmin: ArrayLike = 0.0, tmax: ArrayLike = np.inf) -> Any:
-    """Ask with every ray the only one of its packet that is alive, so that each goes through the tree alone."""
+    """Ask with every ray the only one alive of its packet and kind, so that each goes through the tree alone."""
+    starts, lone, *ends = _apart(PACKET, o, d, tmin, tmax)
+    lone[1::PACKET] = -np.roll(d, 1, axis=1)  # of another kind: so they make no bundle
+    return _first(PACKET, ask(starts, lone, *ends))
+
+
+def bundled(ask: Callable[..., Any], o: Reals, d: Reals, tmin: ArrayLike = 0.0, tmax: ArrayLike = np.inf) -> Any:
+    """Ask with every ray the only one of its bundle that is alive: behind the narrowest frustum that there is."""
+    return _first(BUNDLE * PACKET, ask(*_apart(BUNDLE * PACKET, o, d, tmin, tmax)))
+
+
+def _apart(n: int, o: Reals, d: Reals, tmin: ArrayLike, tmax: ArrayLike) -> list[Reals]:
+    """Rays n rows apart, and between them rays that can't hit."""
     limits = (np.broadcast_to(limit, len(d)) for limit in (tmin, tmax))
-    starts, lone, *ends = (np.repeat(a, PACKET, axis=0) for a in (o, d, *limits))
-    lone[np.arange(len(lone)) % PACKET != 0] = np.nan
-    answers = ask(starts, lone, *ends)
-    return Hits._make(column[::PACKET] for column in answers) if isinstance(answers, Hits) else answers[::PACKET]
+    starts, lone, *ends = (np.repeat(a, n, axis=0) for a in (o, d, *limits))
+    lone[np.arange(len(lone)) % n != 0] = np.nan
+    return [starts, lone, *ends]
+
+
+def _first(n: int, answers: Any) -> Any:
+    """Every n-th answer."""
+    return Hits._make(column[::n] for column in answers) if isinstance(answers, Hits) else answers[::n]
 
 
 def together(ask: Callable[..., Any], o: Reals, d: Reals, tmin: ArrayLike = 0.0, tmax: ArrayLike = np.inf) -> Any:
@@ -111,7 +128,8 @@ def paths(bvh: BVH) -> Iterator[tuple[Callable[..., Hits], Callable[..., Flags]]
     """Nearest hit and occlusion along every path through a tree."""
     for path in (packed, together):
         yield partial(path, bvh.closest_hit), partial(path, bvh.any_hit)
-    yield partial(alone, partial(closest_as_given, bvh)), partial(alone, partial(any_as_given, bvh))
+    for path in (alone, bundled):
+        yield partial(path, partial(closest_as_given, bvh)), partial(path, partial(any_as_given, bvh))
 
 
 # --- ours ------------------------------------------------------------------------------------------------------------

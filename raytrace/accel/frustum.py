@@ -1,0 +1,218 @@
+"""The frustum of a bundle of rays: what lies outside of it is met by none of them.
+
+Rays of one dominant axis z, all going the same way along it, are straight lines x(z), y(z). Between two planes of
+constant z they all lie between the straight lines through their extremes at both. So a box or triangle that lies wholly
+beyond one of these four lines can be left out, eight of them at a time [Reshetov2005].
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from raytrace.accel.kinds import FRAME, HIT, TMIN, row, slot
+from raytrace.accel.lanes import (
+    NODE,
+    fma,
+    group_max,
+    group_min,
+    group_size,
+    lane_max,
+    lane_min,
+    lane_numbers,
+    load,
+    machine_epsilon,
+    maximum,
+    minimum,
+    packet,
+    peek,
+    select,
+    splat,
+)
+from raytrace.accel.layout import V0, V1, V2
+from raytrace.jit import inlined
+
+HIGH = 3 * NODE  # from the low planes of a node's boxes to the high ones
+ROUNDINGS = 16.0  # machine epsilons of the largest coordinate: more than a triangle test is off by, seen along z
+SHORTEST = 2.0**-10  # of the scene's size: the least distance between the two planes
+NARROW_START, NARROW_END = 1.0, 4.0  # sides of a usual leaf: of bundles wider than that, packets get through sooner
+
+
+class Line(NamedTuple):
+    """x = at + slope z; numbers, or lanes."""
+
+    at: float
+    slope: float
+
+
+class Frustum(NamedTuple):
+    """Bounds of rays in their own axes."""
+
+    low_x: Line
+    high_x: Line
+    low_y: Line
+    high_y: Line
+    sense: float  # 1 or -1: along the dominant axis, or against it
+    start: float  # sense * z where the first ray begins
+    margin: float  # world units: by how much heights may be off
+
+
+@inlined
+def heights(count, work):
+    """Bounds of the heights at which rays begin, low and high, and at which they end."""
+    like = packet(work.lanes)
+    low, end_low = splat(np.inf, like), splat(np.inf, like)
+    high, end_high = splat(-np.inf, like), splat(-np.inf, like)
+    for r in range(count):
+        tmax = row(work, slot(r) + HIT, like)
+        alive = row(work, slot(r) + TMIN, like) < tmax
+        z = row(work, slot(r) + FRAME + 2, like)
+        end = fma(tmax, row(work, slot(r) + FRAME + 5, like), z)
+        low, high = select(alive, minimum(z, low), low), select(alive, maximum(z, high), high)
+        end_low = select(alive, minimum(end, end_low), end_low)
+        end_high = select(alive, maximum(end, end_high), end_high)
+    return lane_min(low), lane_max(high), lane_min(end_low), lane_max(end_high)
+
+
+@inlined
+def positions(axis, z0, z1, count, work):
+    """Bounds of x (axis 0) or y (1) of each group of rays: low and high at z0, low and high at z1.
+
+    Lane m + group_size * k is group k of packet m.
+    """
+    like = packet(work.lanes)
+    low0, low1 = splat(np.inf, like), splat(np.inf, like)
+    high0, high1 = splat(-np.inf, like), splat(-np.inf, like)
+    member = lane_numbers(like) & np.int32(group_size(work.lanes) - 1)
+    for r in range(count):
+        alive = row(work, slot(r) + TMIN, like) < row(work, slot(r) + HIT, like)
+        x, z = row(work, slot(r) + FRAME + axis, like), row(work, slot(r) + FRAME + 2, like)
+        shear = row(work, slot(r) + FRAME + 6 + axis, like)
+        x0, x1 = fma(shear, z - z0, x), fma(shear, z - z1, x)
+        mine = member == np.int32(r)
+        low0 = select(mine, group_min(select(alive, x0, np.inf)), low0)
+        low1 = select(mine, group_min(select(alive, x1, np.inf)), low1)
+        high0 = select(mine, group_max(select(alive, x0, -np.inf)), high0)
+        high1 = select(mine, group_max(select(alive, x1, -np.inf)), high1)
+    return low0, high0, low1, high1
+
+
+@inlined
+def line(first, last, z0, z1, shift):
+    """The line through (first, z0) and (last, z1), shifted."""
+    slope = (last - first) / (z1 - z0)
+    return Line((first - slope * z0) + shift, slope)
+
+
+@inlined
+def size_of(extent):
+    """Largest |coordinate| and largest side of the bounds of a tree."""
+    largest, size = 0.0, 0.0
+    for axis in range(3):
+        low, high = peek(extent, axis), peek(extent, 3 + axis)
+        largest, size = max(largest, max(-low, high)), max(size, high - low)
+    return largest, size
+
+
+@inlined
+def planes_between(extent, dominant, sense, ends, size):
+    """Two heights between which rays, which begin and end at ``ends``, meet all that they may meet."""
+    low, high = peek(extent, dominant), peek(extent, 3 + dominant)
+    if sense > 0.0:
+        return ends[0], max(min(ends[3], high), ends[0] + size * SHORTEST)
+    return ends[1], min(max(ends[2], low), ends[1] - size * SHORTEST)
+
+
+@inlined
+def make_frusta(extent, dominant, sense, count, work):
+    """Frustum of the rays alive of a bundle; those of its groups, a lane each; whether it is narrow enough for use.
+
+    A triangle test is off by what the rounding of sheared vertices and shears amounts to: some machine epsilons of the
+    largest coordinate, for shears are at most 1. A line is shifted by as much, in x and in z.
+    """
+    ends = heights(count, work)
+    largest, size = size_of(extent)
+    z0, z1 = planes_between(extent, dominant, sense, ends, size)
+    x, y = positions(0, z0, z1, count, work), positions(1, z0, z1, count, work)
+    xl0, xh0, xl1, xh1 = lane_min(x[0]), lane_max(x[1]), lane_min(x[2]), lane_max(x[3])
+    yl0, yh0, yl1, yh1 = lane_min(y[0]), lane_max(y[1]), lane_min(y[2]), lane_max(y[3])
+    leaf = peek(extent, 6)
+    narrow = (max(xh0 - xl0, yh0 - yl0) <= leaf * NARROW_START) and (max(xh1 - xl1, yh1 - yl1) <= leaf * NARROW_END)
+    steepest = max(max(xh1 - xl0, xh0 - xl1), max(yh1 - yl0, yh0 - yl1)) / abs(z1 - z0)
+    largest = largest + max(-ends[0], ends[1]) + max(max(-xl0, xh0), max(-yl0, yh0))
+    margin = largest * (ROUNDINGS * machine_epsilon(work.lanes))
+    shift, start = margin * (1.0 + steepest), z0 * sense - margin
+    whole = Frustum(
+        line(xl0, xl1, z0, z1, -shift), line(xh0, xh1, z0, z1, shift),
+        line(yl0, yl1, z0, z1, -shift), line(yh0, yh1, z0, z1, shift), sense, start, margin,
+    )  # fmt: skip
+    groups = Frustum(
+        line(x[0], x[2], z0, z1, -shift), line(x[1], x[3], z0, z1, shift),
+        line(y[0], y[2], z0, z1, -shift), line(y[1], y[3], z0, z1, shift), sense, start, margin,
+    )  # fmt: skip
+    return whole, groups, narrow
+
+
+@inlined
+def height_where_lowest(slope, axes):
+    """Where the z planes of boxes stand at which a line of that slope is lowest."""
+    return axes.z if slope > 0.0 else axes.z + HIGH
+
+
+@inlined
+def boxes_in(bounds, at, frustum, axes, end):
+    """Mask of the eight boxes of a node that reach into a frustum before sense z = end; sense z where they begin."""
+    near = axes.z if frustum.sense > 0.0 else axes.z + HIGH
+    far = axes.z + HIGH if frustum.sense > 0.0 else axes.z
+    first, last = load(bounds, at + near, NODE) * frustum.sense, load(bounds, at + far, NODE) * frustum.sense
+    inside = (first <= end) & (last >= frustum.start)
+    z = load(bounds, at + height_where_lowest(frustum.low_x.slope, axes), NODE)
+    inside = inside & (load(bounds, at + axes.x + HIGH, NODE) >= fma(z, frustum.low_x.slope, frustum.low_x.at))
+    z = load(bounds, at + height_where_lowest(-frustum.high_x.slope, axes), NODE)
+    inside = inside & (load(bounds, at + axes.x, NODE) <= fma(z, frustum.high_x.slope, frustum.high_x.at))
+    z = load(bounds, at + height_where_lowest(frustum.low_y.slope, axes), NODE)
+    inside = inside & (load(bounds, at + axes.y + HIGH, NODE) >= fma(z, frustum.low_y.slope, frustum.low_y.at))
+    z = load(bounds, at + height_where_lowest(-frustum.high_y.slope, axes), NODE)
+    inside = inside & (load(bounds, at + axes.y, NODE) <= fma(z, frustum.high_y.slope, frustum.high_y.at))
+    return inside, first
+
+
+@inlined
+def between(low, high, low_z, high_z, low_line, high_line):
+    """Mask of the groups whose lines leave room for what spans low .. high in x and low_z .. high_z in z."""
+    lowest = minimum(fma(low_line.slope, low_z, low_line.at), fma(low_line.slope, high_z, low_line.at))
+    highest = maximum(fma(high_line.slope, low_z, high_line.at), fma(high_line.slope, high_z, high_line.at))
+    return (lowest <= high) & (highest >= low)
+
+
+@inlined
+def groups_at(bounds, at, groups, axes, ends):
+    """Mask of the groups of a bundle whose frusta meet one box before sense * z = ends."""
+    low_z, high_z = peek(bounds, at + axes.z), peek(bounds, at + axes.z + HIGH)
+    first = low_z if groups.sense > 0.0 else -high_z
+    x = between(peek(bounds, at + axes.x), peek(bounds, at + axes.x + HIGH), low_z, high_z, groups.low_x, groups.high_x)
+    y = between(peek(bounds, at + axes.y), peek(bounds, at + axes.y + HIGH), low_z, high_z, groups.low_y, groups.high_y)
+    return x & y & (ends >= first)
+
+
+@inlined
+def relative(rows, vertex, x, z, slope):
+    """X - slope z of a vertex of each of eight triangles."""
+    return fma(load(rows, vertex + z, NODE), -slope, load(rows, vertex + x, NODE))
+
+
+@inlined
+def triangles_between(rows, at, x, z, low, high):
+    """Mask of the eight triangles that have a vertex on or above the low line, and one on or below the high one."""
+    a, b = relative(rows, at + V0, x, z, low.slope), relative(rows, at + V1, x, z, low.slope)
+    c = relative(rows, at + V2, x, z, low.slope)
+    above = maximum(maximum(a, b), c) >= low.at
+    a, b = relative(rows, at + V0, x, z, high.slope), relative(rows, at + V1, x, z, high.slope)
+    c = relative(rows, at + V2, x, z, high.slope)
+    return above & (minimum(minimum(a, b), c) <= high.at)
+
+
+@inlined
+def triangles_in(rows, at, frustum, axes):
+    """Mask of the eight triangles of a leaf that are not wholly beyond one side of a frustum."""
+    x = triangles_between(rows, at, axes.x, axes.z, frustum.low_x, frustum.high_x)
+    return x & triangles_between(rows, at, axes.y, axes.z, frustum.low_y, frustum.high_y)
