@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 import raytrace
 from raytrace import adaptive, parallel
-from raytrace.accel.lanes import BITS
+from raytrace.accel.build import FEW
+from raytrace.accel.lanes import BITS, PACKET
 from raytrace.estimate import ORDER, Estimate, Film, displayed, estimate, root_mean
-from raytrace.jit import on_compile
+from raytrace.jit import load_all, on_compile
 from raytrace.options import deadline_after, error_wanted, layers_of, override, window_of
 from raytrace.parts import Part, doubled, rounds, tiles
 from raytrace.passes.camera import make_view
@@ -141,10 +142,12 @@ class _Job:
     def run(self, threads: int, time_limit: float, layers: Sequence[str]) -> Render:
         """Draw until done, stopped or out of time."""
         self._deadline = self.began + time_limit
+        self.with_layers = bool(set(layers) - {"samples"})
         complete, interrupted = False, False
-        with on_compile(lambda: self._say("compiling", 0, 1)) as compiled:
+        with on_compile(self._compile_ahead) as compiled:
             try:
                 self._prepare()
+                self._load_kernels()
                 self._drawing = time.perf_counter()
                 all_drawn = self._draw_all(threads, hasty=time_limit < np.inf)
                 complete = all_drawn and (self.target is None or self._refine(threads, self.target))
@@ -214,6 +217,23 @@ class _Job:
         self.stage = stages[self.precision]
         self.view = make_view(self.scene.camera, self.settings.size, np.dtype(self.precision))
         self.sampler = make_sampler(self.settings.sampler, self.settings.seed, self.settings.spp)
+
+    def _load_kernels(self) -> None:
+        """Have the machine code of kernels ready here, where Ctrl-C is noticed, and not in the threads that draw."""
+        from raytrace.needs import tracing
+
+        load_all(tracing(Wavefront(self.stage, self.view, self.sampler, PACKET)))
+
+    def _compile_ahead(self) -> None:
+        """Compile side by side what this picture needs, for a kernel is missing."""
+        from raytrace.needs import Picture, needs
+        from raytrace.native.workers import compile_all, missing
+
+        plan, large = self.plan, len(self.scene.mesh.faces) > FEW
+        features = plan.smooth, plan.refraction, plan.lights > 0, large, self.with_layers
+        tasks = missing(needs(Picture(self.precision, self.settings.sampler, *features)))
+        self._say("compiling", 0, len(tasks))
+        compile_all(tasks, lambda done: self._say("compiling", done, len(tasks)))
 
     def _draw(self, part: Part) -> None:
         """Add samples of some pixels to the film, a batch after the other."""
