@@ -231,9 +231,9 @@ class _Job:
 
         plan, large = self.plan, len(self.scene.mesh.faces) > FEW
         features = plan.smooth, plan.refraction, plan.lights > 0, large, self.with_layers
+        self._say("compiling", 0, 1)
         tasks = missing(needs(Picture(self.precision, self.settings.sampler, *features)))
-        self._say("compiling", 0, len(tasks))
-        compile_all(tasks, lambda done: self._say("compiling", done, len(tasks)))
+        compile_all(tasks, partial(self._say, "compiling"))
 
     def _draw(self, part: Part) -> None:
         """Add samples of some pixels to the film, a batch after the other."""

@@ -39,15 +39,15 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
     pictures = [Picture(*names, smooth, True, True, True, True) for *names, smooth in product(PRECISIONS, SAMPLERS, (False, True))]
     tasks = missing(call for picture in pictures for call in needs(picture))
 
-    def report(done: int) -> None:
+    def report(done: int, total: int) -> None:
         if progress and tasks:
-            progress(Progress("compiling", done, len(tasks), 0, time.perf_counter() - began))
+            progress(Progress("compiling", done, total, 0, time.perf_counter() - began))
 
-    report(0)
+    report(0, 1)
     compile_all(tasks, report)
-    for done, (kernel, kinds) in enumerate(tasks):
+    for done, (kernel, kinds) in enumerate(tasks, 1):
         if kernel.stored(kinds) is None:  # there were no other processes
             kernel.compile(kinds)
-            report(done + 1)
+            report(done, len(tasks))
         if kernel.stored(kinds) is None:
             raise FileError(f"{store.cache_folder()}: can't be written to; set RAYTRACE_CACHE to another folder")
