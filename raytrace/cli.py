@@ -68,7 +68,7 @@ def _print_json(value: Any) -> None:
 
 
 def _render(args: Namespace) -> int:
-    from raytrace.image import check_path
+    from raytrace.paths import check_path
 
     began = time.perf_counter()
     path = check_path(args.output or f"{args.scene.stem}.png")  # before time is spent on rendering
@@ -263,6 +263,7 @@ def main(argv: list[str] | None = None) -> int:
     >>> main(["no-such-scene.json", "--output", "picture.png"])
     4
     """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # NumPy's threads for large matrices, of which there are none
     try:
         code = _run(sys.argv[1:] if argv is None else argv)
         sys.stdout.flush()  # a full disk or a closed pipe shows here, not at exit

@@ -12,11 +12,11 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import update_wrapper
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
-PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")  # kernels are the Python functions that they look like
+PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")  # kernels stay the functions that they look like
 
 callees: list[tuple[Callable[..., Any], dict[str, bool]]] = []  # that Numba has yet to be told about
 forms: list[tuple[Callable[..., Any], Callable[..., Any]]] = []  # the same: functions, and what chooses their form
@@ -44,26 +44,30 @@ class Kernel:
         self._entries: tuple[Callable[..., Any], ...] = ()  # replaced, never changed: no call waits for a lock
 
     def __call__(self, *args: Any) -> Any:
+        """Call the machine code for such arguments."""
         for entry in self._entries:
             result = entry(*args)
             if result is not NotImplemented:
                 return result
-        return self.load(args)(*args)
+        result = self.load(args)(*args)
+        if result is NotImplemented:
+            raise TypeError(f"{self.function.__name__}: its machine code declines arguments of its own kinds")
+        return result
 
     def __reduce__(self) -> str:
-        return self.__qualname__  # pickled by name
+        return self.function.__qualname__  # pickled by name
 
     def load(self, args: tuple[Any, ...]) -> Callable[..., Any]:
         """Have machine code for such arguments ready; its entry."""
         from raytrace.native.link import bind, link
         from raytrace.native.signatures import kind_of, types_of
 
-        kinds, types = tuple(map(kind_of, args)), tuple(type for arg in args for type in types_of(arg))
+        kinds, types = tuple(map(kind_of, args)), tuple(kind for arg in args for kind in types_of(arg))
         with _lock:
             if kinds not in self.code:
                 self.code[kinds] = link(self.stored(kinds) or self._made(kinds))
             if (kinds, types) not in self._bound:
-                self._bound[kinds, types] = bind(self.__name__, self.code[kinds], types)
+                self._bound[kinds, types] = bind(self.function.__name__, self.code[kinds], types)
                 self._entries = tuple(self._bound.values())
             return self._bound[kinds, types]
 
@@ -90,7 +94,7 @@ class Kernel:
     def _title(self, kinds: tuple[Any, ...]) -> tuple[str, str]:
         from raytrace.native.signatures import describe
 
-        return f"{self.__module__}.{self.__qualname__}", ", ".join(map(describe, kinds))
+        return f"{self.__module__}.{self.function.__qualname__}", ", ".join(map(describe, kinds))
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -137,23 +141,24 @@ def interpreted(kernel: Callable[..., Any]) -> Callable[..., Any]:
 class on_compile:
     """Call ``started()`` when kernels begin to be compiled, and sum the seconds; use as a context manager."""
 
-    listening: ClassVar[list["on_compile"]] = []
-
     def __init__(self, started: Callable[[], None] = lambda: None) -> None:
         self.seconds, self.count, self._started = 0.0, 0, started
 
     def __enter__(self) -> Self:
-        self.listening.append(self)
+        _listening.append(self)
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self.listening.remove(self)
+        _listening.remove(self)
+
+
+_listening: list[on_compile] = []
 
 
 @contextmanager
 def _compiling() -> Iterator[None]:
     """Tell who listens that a kernel is compiled within."""
-    listening, began = list(on_compile.listening), time.perf_counter()
+    listening, began = list(_listening), time.perf_counter()
     for listener in listening:
         listener.count += 1
         if listener.count == 1:

@@ -111,7 +111,8 @@ def _building(dtype: np.dtype, triangle: str) -> Iterator[Call]:
     vertices, faces, triangles = np.zeros((3, 3), dtype), np.zeros((1, 3), np.int32), np.zeros((1, 12), dtype)
     tree = make_binary(np.zeros(1, np.int32), np.zeros(16, dtype))
     yield grow, (tree, 0, NODE, Part(0, 0, 1, 0), make_scratch(dtype))
-    nodes, leaves = make_nodes(1, dtype), make_leaves(LEAVES[triangle], 1, dtype)
+    kind: Any = LEAVES[triangle]
+    nodes, leaves = make_nodes(1, dtype), make_leaves(kind, 1, dtype)
     yield flatten, (tree, nodes, leaves, triangles, np.zeros((1, 3), np.int64), np.zeros(NODE, np.int64))
     yield measure, (vertices, faces, triangles, tree.boxes, tree.order, np.zeros(9))
 

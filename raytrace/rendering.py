@@ -226,8 +226,8 @@ class _Job:
 
     def _compile_ahead(self) -> None:
         """Compile side by side what this picture needs, for a kernel is missing."""
-        from raytrace.needs import Picture, needs
         from raytrace.native.workers import compile_all, missing
+        from raytrace.needs import Picture, needs
 
         plan, large = self.plan, len(self.scene.mesh.faces) > FEW
         features = plan.smooth, plan.refraction, plan.lights > 0, large, self.with_layers
@@ -239,9 +239,10 @@ class _Job:
         """Add samples of some pixels to the film, a batch after the other."""
         pixels = part.pixels
         spare = -len(pixels) % (BITS // 8 // np.dtype(self.precision).itemsize)
-        row, column = np.divmod(np.pad(pixels, (0, spare), "edge"), self.window.width)
+        padded = np.pad(pixels, (0, spare), "edge")
+        row, column = np.divmod(padded, self.window.width)
         x, y = (column + self.window.x).astype(np.uint32), (row + self.window.y).astype(np.uint32)
-        sums = np.pad(self.film.sums[:, pixels], ((0, 0), (0, spare)))
+        sums = np.take(self.film.sums, padded, axis=1)
         step = max(1, BATCH // len(x))
         done = part.first
         while done < part.last and not self._over():

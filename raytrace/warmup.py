@@ -36,7 +36,10 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
     from raytrace.native.workers import compile_all, missing
 
     began = time.perf_counter()
-    pictures = [Picture(*names, smooth, True, True, True, True) for *names, smooth in product(PRECISIONS, SAMPLERS, (False, True))]
+    pictures = [
+        Picture(precision, sampler, smooth, refractive=True, large=True, layers=True)
+        for precision, sampler, smooth in product(PRECISIONS, SAMPLERS, (False, True))
+    ]
     tasks = missing(call for picture in pictures for call in needs(picture))
 
     def report(done: int, total: int) -> None:

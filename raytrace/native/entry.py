@@ -79,7 +79,9 @@ class Entry:
         values = [self._unbox(self._read(objects, 8 * k, POINTER), kind) for k, kind in enumerate(kinds)]
         kernel = self._context.declare_function(builder.module, fndesc)
         thread = self._api.save_thread()
-        status, result = call.call_function(builder, kernel, fndesc.restype, fndesc.argtypes, values, attrs=("noinline",))
+        status, result = call.call_function(
+            builder, kernel, fndesc.restype, fndesc.argtypes, values, attrs=("noinline",)
+        )
         self._api.restore_thread(thread)
         with builder.if_then(status.is_error, likely=False):
             self._raise(status)

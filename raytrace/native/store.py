@@ -74,7 +74,9 @@ def _title(kernel: str, kinds: str) -> str:
 
 def path_of(kernel: str, kinds: str) -> Path:
     """File of a kernel for arguments of these kinds."""
-    return cache_folder() / f"{kernel.rpartition('.')[2]}-{sha256(f'{kernel} {kinds}'.encode()).hexdigest()[:16]}{SUFFIX}"
+    return (
+        cache_folder() / f"{kernel.rpartition('.')[2]}-{sha256(f'{kernel} {kinds}'.encode()).hexdigest()[:16]}{SUFFIX}"
+    )
 
 
 def find(kernel: str, kinds: str) -> Code | None:

@@ -1,7 +1,7 @@
 """Kernels compiled by processes of their own: Numba holds the interpreter's lock, so threads would only take turns.
 
-They write what they make into the store, where this process finds it; so it need not import Numba itself, and Ctrl-C
-ends it at once. Where no process can be started, or one dies, nothing is found, and this process compiles what it needs.
+They write what they make into the store, where this process finds it: so it need not import Numba, and Ctrl-C is
+noticed at once. Where no process can be started, or one dies, this one finds nothing, and compiles what it needs.
 """
 
 import base64

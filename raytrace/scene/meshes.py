@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 
 from raytrace.errors import FileError, SceneError
 from raytrace.records import RawMesh
+from raytrace.scene.files import MAX_BYTES, format_of, locate
 from raytrace.scene.obj import ObjError, read_obj
-from raytrace.scene.problems import no_such_file
 
-MAX_BYTES = 2**30  # of a mesh file, unfolded: about 10 million triangles of OBJ, 50 million of binary PLY
 HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_punctual")  # GLB extensions: no shape in them
 
 Matrix = NDArray[np.float64]
@@ -159,37 +158,6 @@ READERS: dict[str, Callable[[bytes], list[RawMesh | None]]] = {
 }
 
 
-def _format(path: Path) -> str:
-    """Return the suffix that tells the format, without ``.gz``."""
-    return Path(path.stem if path.suffix.lower() == ".gz" else path.name).suffix.lower()
-
-
-def locate(path: Path) -> None:
-    """Check that a path can be a mesh file, without reading it.
-
-    Raises
-    ------
-    SceneError
-        Its format is none of those that can be read.
-    FileError
-        There is no such file, or it is a directory, or too large.
-    """
-    try:
-        if path.is_dir():
-            raise FileError(f"{path}: a directory; name a mesh file in it")
-        if not path.exists():
-            raise FileError(no_such_file(path))
-    except FileError:
-        raise
-    except OSError as error:
-        raise FileError(f"{path}: can't be read: {error.strerror or error}") from None
-    if _format(path) not in READERS:
-        known = ", ".join(READERS)
-        raise SceneError([f"{path}: no mesh format that can be read (known: {known}, plain or with .gz)"])
-    if path.stat().st_size > MAX_BYTES:
-        raise FileError(f"{path}: more than {MAX_BYTES} bytes; split it or simplify it")
-
-
 def _read_bytes(path: Path) -> bytes:
     try:
         if path.suffix.lower() != ".gz":
@@ -245,7 +213,7 @@ def read_mesh(path: Path) -> RawMesh:
     """
     locate(path)
     data = _read_bytes(path)
-    kind = _format(path)
+    kind = format_of(path)
     try:
         with warnings.catch_warnings():  # trimesh's are not for people who render
             warnings.simplefilter("ignore")
