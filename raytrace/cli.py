@@ -182,7 +182,7 @@ def _warmup(_args: Namespace) -> int:
     from raytrace.warmup import warmup
 
     began = time.perf_counter()
-    with Reporter(_say, bar=False) as reporter:
+    with Reporter(_say, bar=at_terminal()) as reporter:
         warmup(reporter)
     print(f"kernels ready after {time.perf_counter() - began:.1f} s")
     return DONE

@@ -9,7 +9,7 @@ import pytest
 
 from raytrace.errors import FileError, SceneError
 from raytrace.records import RawMesh
-from raytrace.scene import meshes
+from raytrace.scene import files, meshes
 from raytrace.scene.load import load
 from raytrace.scene.meshes import concatenate, read_mesh, transform
 from raytrace.scene.obj import read_obj
@@ -226,7 +226,8 @@ def test_missing_file_directory_and_vast_file_are_file_errors(tmp_path, monkeypa
         read_mesh(tmp_path / "folder.obj")
     with pytest.raises(FileError, match="can't be read"):
         read_mesh(tmp_path / ("a" * 5000))
-    monkeypatch.setattr(meshes, "MAX_BYTES", 1000)
+    for module in (files, meshes):
+        monkeypatch.setattr(module, "MAX_BYTES", 1000)
     with pytest.raises(FileError, match="more than 1000 bytes"):
         read_mesh(save(tmp_path, "vast.obj", "#" * 1001))
     with pytest.raises(FileError, match="unfolds to more than 1000 bytes"):
