@@ -66,6 +66,7 @@ class Reporter:
         self._compiling = False
         self._bar: Any = None  # rich.progress.Progress, once it is shown
         self._shown = ""  # the stage that it shows
+        self._task: Any = None  # of it
 
     def __call__(self, event: Event) -> None:
         """Take in one event."""

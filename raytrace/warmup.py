@@ -41,6 +41,8 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
         for precision, sampler, smooth in product(PRECISIONS, SAMPLERS, (False, True))
     ]
     tasks = missing(call for picture in pictures for call in needs(picture))
+    if tasks and not store.can_keep():
+        raise FileError(f"{store.cache_folder()}: can't be written to; set RAYTRACE_CACHE to another folder")
 
     def report(done: int, total: int) -> None:
         if progress and tasks:
@@ -52,5 +54,3 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
         if kernel.stored(kinds) is None:  # there were no other processes
             kernel.compile(kinds)
             report(done, len(tasks))
-        if kernel.stored(kinds) is None:
-            raise FileError(f"{store.cache_folder()}: can't be written to; set RAYTRACE_CACHE to another folder")

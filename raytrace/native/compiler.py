@@ -71,7 +71,13 @@ def _uncollected() -> Iterator[None]:
 
 @global_compiler_lock
 def compile_kernel(function: Callable[..., Any], kinds: tuple[Kind, ...]) -> Code:
-    """Object code of a kernel for arguments of these kinds."""
+    """Object code of a kernel for arguments of these kinds.
+
+    Raises
+    ------
+    NotImplementedError
+        It calls what only Numba's runtime has, so that no process without it could run it.
+    """
     check_layout()
     with _uncollected():
         teach()
@@ -86,4 +92,7 @@ def compile_kernel(function: Callable[..., Any], kinds: tuple[Kind, ...]) -> Cod
         library.finalize()
         final = library._final_module
         outside = tuple(f.name for f in final.functions if f.is_declaration and not f.name.startswith("llvm."))
-    return Code(outside, library._get_compiled_object())
+    code = Code(outside, library._get_compiled_object())
+    if code.foreign:
+        raise NotImplementedError(f"{function.__name__} calls {', '.join(code.foreign)}: kernels call only each other")
+    return code

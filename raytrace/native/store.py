@@ -74,9 +74,8 @@ def _title(kernel: str, kinds: str) -> str:
 
 def path_of(kernel: str, kinds: str) -> Path:
     """File of a kernel for arguments of these kinds."""
-    return (
-        cache_folder() / f"{kernel.rpartition('.')[2]}-{sha256(f'{kernel} {kinds}'.encode()).hexdigest()[:16]}{SUFFIX}"
-    )
+    digest = sha256(_title(kernel, kinds).encode()).hexdigest()[:16]
+    return cache_folder() / f"{kernel.rpartition('.')[2]}-{digest}{SUFFIX}"
 
 
 def find(kernel: str, kinds: str) -> Code | None:
@@ -98,7 +97,10 @@ def find(kernel: str, kinds: str) -> Code | None:
     title, _, content = content.partition(b"\n")
     outside, _, data = content.partition(b"\n")
     whole = sha256(b"\n".join((title, outside, data))).digest() == checksum
-    return Code(tuple(outside.decode().split()), data) if whole and title == _title(kernel, kinds).encode() else None
+    if not whole or title != _title(kernel, kinds).encode():
+        return None
+    code = Code(tuple(outside.decode().split()), data)
+    return None if code.foreign else code
 
 
 def keep(kernel: str, kinds: str, code: Code) -> bool:
@@ -106,13 +108,25 @@ def keep(kernel: str, kinds: str, code: Code) -> bool:
     if not kernel.startswith("raytrace."):
         return False
     content = b"\n".join((_title(kernel, kinds).encode(), " ".join(code.outside).encode(), code.data))
-    path = path_of(kernel, kinds)
+    return _write(path_of(kernel, kinds), sha256(content).digest() + content)
+
+
+def can_keep() -> bool:
+    """Whether anything can be written."""
+    probe = cache_folder() / f".{os.getpid()}.tmp"
+    written = _write(probe, b"")
+    with contextlib.suppress(OSError):
+        probe.unlink()
+    return written
+
+
+def _write(path: Path, content: bytes) -> bool:
     temporary = path.with_name(f".{os.urandom(8).hex()}.tmp")
     try:
         if not path.parent.is_dir():
             path.parent.mkdir(parents=True, exist_ok=True)
             prune(path.parent)
-        temporary.write_bytes(sha256(content).digest() + content)
+        temporary.write_bytes(content)
         os.replace(temporary, path)  # others see the old file or the new one, never a part
     except OSError:  # nowhere to write, or no room
         with contextlib.suppress(OSError):

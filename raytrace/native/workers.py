@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from raytrace import parallel
+from raytrace.native import store
 from raytrace.native.signatures import Kind, describe, kind_of
 
 MOST = 4  # processes: each takes half a second and 150 MB before it compiles, and two kernels take most of all the time
@@ -52,20 +53,24 @@ def compile_all(tasks: Iterable[Task], report: Callable[[int, int], None] = lamb
     """
     shares = _shares(tasks)
     count = min(parallel.thread_count(None), MOST, len(shares))
-    if count < 2 or not Path(sys.executable or "").stem.startswith("python"):  # another program has Python within
+    python = Path(sys.executable or "").stem.startswith("python")  # and not another program that has Python within
+    if count < 2 or not python or not store.can_keep():
         return
-    mine, workers = threading.local(), list[subprocess.Popen[bytes]]()
+    mine, workers, stopping = threading.local(), list[subprocess.Popen[bytes]](), threading.Event()
 
     def compile_share(share: list[Task]) -> None:
         if not hasattr(mine, "worker"):
             mine.worker = _start()
             workers.append(mine.worker)
+            if stopping.is_set():  # before it was in the list
+                mine.worker.kill()
         with contextlib.suppress(OSError):  # it has died
             mine.worker.stdin.write(base64.b64encode(pickle.dumps(share)) + b"\n")
             mine.worker.stdin.flush()
             mine.worker.stdout.readline()
 
     def stop() -> None:
+        stopping.set()
         for worker in workers:
             worker.kill()
 
