@@ -2,8 +2,8 @@
 
 A kernel is an ordinary function until it is called. What it is called with chooses its machine code: found in memory,
 else on disk, else compiled by Numba and kept. So a process whose kernels were compiled by an earlier one never imports
-Numba, which alone would take half a second. Machine code lets go of the interpreter's lock: tiles run side by side in
-plain threads, so there is no threading layer to abort and Ctrl-C works.
+Numba, which takes a third of a second. Machine code lets go of the interpreter's lock: tiles run side by side in plain
+threads, so there is no threading layer to abort and Ctrl-C works.
 """
 
 import os

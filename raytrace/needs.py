@@ -3,8 +3,8 @@
 Nothing depends on these lists: a kernel that they lack is compiled when it is called.
 """
 
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from raytrace.passes.surface import surface
 from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Columns, Lights, Materials, Mesh, Rays, Scene, Settings
 from raytrace.scene.plan import make_plan
 from raytrace.wavefront import Wavefront, make_stage
+
+if TYPE_CHECKING:
+    from raytrace.native.workers import Task
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]  # a kernel and its arguments
 
@@ -52,6 +55,27 @@ def needs(picture: Picture) -> list[Call]:
     if picture.layers:
         calls += _sorting(stage.bvh)
     return calls
+
+
+def compile_ahead(pictures: Iterable[Picture], report: Callable[[int, int], None]) -> "list[Task]":
+    """Have all compiled side by side that pictures need and the store lacks, as far as that can be done.
+
+    Parameters
+    ----------
+    pictures : iterable of Picture
+    report : callable
+        Is called here with how much of the work is done, and how much it is.
+
+    Returns
+    -------
+    list of (Kernel, kinds of arguments)
+        What it lacked.
+    """
+    from raytrace.native.workers import compile_all, missing
+
+    tasks = missing(call for picture in pictures for call in needs(picture))
+    compile_all(tasks, report)
+    return tasks
 
 
 def _small_scene(picture: Picture) -> Scene:

@@ -18,6 +18,7 @@ from raytrace.accel.build import FEW
 from raytrace.accel.lanes import BITS, PACKET
 from raytrace.estimate import ORDER, Estimate, Film, displayed, estimate, root_mean
 from raytrace.jit import load_all, on_compile
+from raytrace.needs import Picture, compile_ahead, tracing
 from raytrace.options import deadline_after, error_wanted, layers_of, override, window_of
 from raytrace.parts import Part, doubled, rounds, tiles
 from raytrace.passes.camera import make_view
@@ -220,20 +221,14 @@ class _Job:
 
     def _load_kernels(self) -> None:
         """Have the machine code of kernels ready here, where Ctrl-C is noticed, and not in the threads that draw."""
-        from raytrace.needs import tracing
-
         load_all(tracing(Wavefront(self.stage, self.view, self.sampler, PACKET)))
 
     def _compile_ahead(self) -> None:
-        """Compile side by side what this picture needs, for a kernel is missing."""
-        from raytrace.native.workers import compile_all, missing
-        from raytrace.needs import Picture, needs
-
+        """Have all compiled that this picture needs, for a kernel is missing."""
+        self._say("compiling", 0, 1)
         plan, large = self.plan, len(self.scene.mesh.faces) > FEW
         features = plan.smooth, plan.refraction, plan.lights > 0, large, self.with_layers
-        self._say("compiling", 0, 1)
-        tasks = missing(needs(Picture(self.precision, self.settings.sampler, *features)))
-        compile_all(tasks, partial(self._say, "compiling"))
+        compile_ahead([Picture(self.precision, self.settings.sampler, *features)], partial(self._say, "compiling"))
 
     def _draw(self, part: Part) -> None:
         """Add samples of some pixels to the film, a batch after the other."""

@@ -6,7 +6,7 @@ from itertools import product
 
 from raytrace.errors import FileError
 from raytrace.jit import PLAIN
-from raytrace.needs import Picture, needs
+from raytrace.needs import Picture, compile_ahead
 from raytrace.rendering import Progress
 
 PRECISIONS, SAMPLERS = ("float32", "float64"), ("sobol", "stratified", "independent")
@@ -33,24 +33,21 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
     if PLAIN:
         return
     from raytrace.native import store
-    from raytrace.native.workers import compile_all, missing
 
     began = time.perf_counter()
     pictures = [
         Picture(precision, sampler, smooth, refractive=True, large=True, layers=True)
         for precision, sampler, smooth in product(PRECISIONS, SAMPLERS, (False, True))
     ]
-    tasks = missing(call for picture in pictures for call in needs(picture))
-    if tasks and not store.can_keep():
+    if not store.can_keep():
         raise FileError(f"{store.cache_folder()}: can't be written to; set RAYTRACE_CACHE to another folder")
 
     def report(done: int, total: int) -> None:
-        if progress and tasks:
+        if progress:
             progress(Progress("compiling", done, total, 0, time.perf_counter() - began))
 
-    report(0, 1)
-    compile_all(tasks, report)
+    tasks = compile_ahead(pictures, report)
     for done, (kernel, kinds) in enumerate(tasks, 1):
         if kernel.stored(kinds) is None:  # there were no other processes
+            report(done - 1, len(tasks))
             kernel.compile(kinds)
-            report(done, len(tasks))

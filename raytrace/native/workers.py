@@ -74,6 +74,7 @@ def compile_all(tasks: Iterable[Task], report: Callable[[int, int], None] = lamb
         for worker in workers:
             worker.kill()
 
+    report(0, len(shares))
     try:
         parallel.run(compile_share, shares, count, report=lambda done: report(done, len(shares)), cancel=stop)
     except OSError:  # no process could be started; it is tried no further
