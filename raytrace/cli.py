@@ -17,6 +17,10 @@ from raytrace.errors import RaytraceError
 from raytrace.terminal import INTERRUPTED, Reporter, at_terminal, second_interrupt_leaves, speed
 
 DONE, INTERNAL, USAGE, FILE, DIFFERENT = 0, 1, 2, 4, 5  # 3, an invalid scene, is SceneError.exit_code
+QUICK = {  # what the program has no use for, and need not wait for
+    "OPENBLAS_NUM_THREADS": "1",  # NumPy would start threads for large matrices: 0.07 s of CPU
+    "PYDANTIC_DISABLE_PLUGINS": "__all__",  # pydantic would look for them among all packages: 0.01 s and more
+}
 EXAMPLES = """\
 examples:
   raytrace scenes/cornell-box.json                             writes cornell-box.png
@@ -263,7 +267,8 @@ def main(argv: list[str] | None = None) -> int:
     >>> main(["no-such-scene.json", "--output", "picture.png"])
     4
     """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # NumPy's threads for large matrices, of which there are none
+    for name, value in QUICK.items():
+        os.environ.setdefault(name, value)
     try:
         code = _run(sys.argv[1:] if argv is None else argv)
         sys.stdout.flush()  # a full disk or a closed pipe shows here, not at exit
