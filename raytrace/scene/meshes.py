@@ -1,4 +1,4 @@
-"""Mesh files to arrays: OBJ by an own reader; PLY, STL and GLB through trimesh, imported when one of them is met.
+"""Mesh files to arrays: OBJ and PLY by own readers; STL and GLB through trimesh, imported when one of them is met.
 
 Of trimesh only the readers of the formats are used, not its ``Trimesh``: they return the file's own arrays, tell
 whether normals stand in the file, and neither merge vertices nor look for textures.
@@ -7,7 +7,6 @@ whether normals stand in the file, and neither merge vertices nor look for textu
 import gzip
 import io
 import json
-import re
 import warnings
 import zlib
 from collections.abc import Callable
@@ -21,6 +20,7 @@ from raytrace.errors import FileError, SceneError
 from raytrace.records import RawMesh
 from raytrace.scene.files import MAX_BYTES, format_of, locate
 from raytrace.scene.obj import ObjError, read_obj
+from raytrace.scene.ply import read_ply
 
 HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_punctual")  # GLB extensions: no shape in them
 
@@ -105,18 +105,6 @@ def _raw(geometry: dict[str, Any]) -> RawMesh | None:
     return RawMesh(vertices, faces, np.array(normals, np.float64), faces)
 
 
-def _read_ply(data: bytes) -> list[RawMesh | None]:
-    from trimesh.exchange.ply import load_ply
-
-    header, end, body = data.partition(b"end_header")
-    counts = [int(count) for count in re.findall(rb"(?m)^element\s+\w+\s+(\d+)", header)]
-    if not end or not counts:
-        raise ValueError("the header has no end")
-    if re.search(rb"(?m)^format\s+ascii", header) and len(body.split(b"\n")) - 1 < sum(counts):
-        raise ValueError(f"the header announces {sum(counts)} lines, the file ends before")
-    return [_raw(load_ply(io.BytesIO(data), fix_texture=False, skip_materials=True))]
-
-
 def _read_stl(data: bytes) -> list[RawMesh | None]:
     from trimesh.exchange.stl import load_stl
 
@@ -152,7 +140,7 @@ def _read_glb(data: bytes) -> list[RawMesh | None]:
 
 READERS: dict[str, Callable[[bytes], list[RawMesh | None]]] = {
     ".obj": lambda data: [read_obj(data)],
-    ".ply": _read_ply,
+    ".ply": lambda data: [read_ply(data)],
     ".stl": _read_stl,
     ".glb": _read_glb,
 }
