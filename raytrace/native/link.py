@@ -35,6 +35,8 @@ class _Method(ctypes.Structure):
     _fields_ = [("name", ctypes.c_char_p), ("code", ctypes.c_void_p), ("flags", ctypes.c_int), ("doc", ctypes.c_char_p)]
 
 
+_prototype = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.POINTER(_Method), ctypes.py_object)
+_new_function = _prototype(("PyCFunction_New", ctypes.pythonapi))
 _kept: list[Any] = []  # machine code stays loaded as long as the process lives
 
 
@@ -65,6 +67,4 @@ def bind(name: str, address: int, types: Iterable[type]) -> Callable[..., Any]:
     """The function that machine code is to Python, for objects of these types; others are told NotImplemented."""
     method = _Method(name.encode(), address, METH_FASTCALL, None)
     _kept.append(method)
-    make = ctypes.pythonapi.PyCFunction_New
-    make.argtypes, make.restype = [ctypes.POINTER(_Method), ctypes.py_object], ctypes.py_object
-    return make(ctypes.byref(method), (NotImplemented, None, _raise, *types))
+    return _new_function(ctypes.byref(method), (NotImplemented, None, _raise, *types))
