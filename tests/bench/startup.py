@@ -15,6 +15,7 @@ from harness import ROOT, begin, finish, parser, show, table
 
 SCENE = "scenes/cornell-box.json"
 GLASS = "scenes/glass-sphere.json"
+SECOND, MITSUBA = "draw, second time", "the same picture by Mitsuba 3, llvm"
 WARM = f"""
 import json, statistics, time
 import raytrace as rt
@@ -146,9 +147,9 @@ def mistaken(folder: Path) -> Path:
 
 def processes(folder: Path) -> dict[str, list[str]]:
     """What is run again and again."""
-    words = {"draw, second time": drawing(4, folder)}
+    words = {SECOND: drawing(4, folder)}
     if find_spec("mitsuba"):
-        words["the same picture by Mitsuba 3, llvm"] = ["-c", PEER, f"{folder}/peer.png"]
+        words[MITSUBA] = ["-c", PEER, f"{folder}/peer.png"]
     else:
         show('missing: Mitsuba: pip install ".[bench]"\n')
     return words | {
@@ -197,6 +198,10 @@ def main() -> None:
     ]
     rows.append(["draw in a warm process", warm, None, None])
     table(["process", "seconds", "CPU seconds", "peak MB"], rows)
+    if MITSUBA in outcomes:
+        pairs = zip(outcomes[SECOND], outcomes[MITSUBA], strict=True)
+        ratio = statistics.median(ours.seconds / theirs.seconds for ours, theirs in pairs)
+        show(f"The second drawing takes {ratio:.2f} times as long as Mitsuba's, the median over the rounds.\n")
     show("Where the time of the second drawing goes; medians of processes:\n")
     python = statistics.median(outcome.seconds for outcome in outcomes["python alone"])
     parts = {"start Python": python} | {name: statistics.median(step[name] for step in steps) for name in steps[0]}
