@@ -156,6 +156,16 @@ def test_what_may_not_be_written_to_is_not():
 
 
 @compiled
+def test_a_kernel_that_needs_numbas_runtime_is_refused_with_the_reason():
+    @jit.kernel
+    def shout(a):
+        print(a[0])  # noqa: T201
+
+    with pytest.raises(NotImplementedError, match=r"shout calls .*numba_gil_ensure"):
+        shout(np.zeros(1))
+
+
+@compiled
 def test_calls_leak_no_references():
     add, a, out = fresh(), np.arange(4.0), np.zeros(4)
     rows, factor = Rows(a, 0), 12345
