@@ -4,7 +4,7 @@ from argparse import ArgumentParser, ArgumentTypeError
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-LAYERS = ("depth", "normal", "albedo", "prim_id", "position", "samples")
+from raytrace.limits import LAYERS
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:

@@ -17,6 +17,10 @@ from raytrace.errors import RaytraceError
 from raytrace.terminal import INTERRUPTED, Reporter, at_terminal, second_interrupt_leaves, speed
 
 DONE, INTERNAL, USAGE, FILE, DIFFERENT = 0, 1, 2, 4, 5  # 3, an invalid scene, is SceneError.exit_code
+QUICK = {  # what the program has no use for, and need not wait for
+    "OPENBLAS_NUM_THREADS": "1",  # NumPy would start threads for large matrices: 0.07 s of CPU
+    "PYDANTIC_DISABLE_PLUGINS": "__all__",  # pydantic would look for them among all packages: 0.01 s and more
+}
 EXAMPLES = """\
 examples:
   raytrace scenes/cornell-box.json                             writes cornell-box.png
@@ -68,7 +72,7 @@ def _print_json(value: Any) -> None:
 
 
 def _render(args: Namespace) -> int:
-    from raytrace.image import check_path
+    from raytrace.paths import check_path
 
     began = time.perf_counter()
     path = check_path(args.output or f"{args.scene.stem}.png")  # before time is spent on rendering
@@ -182,7 +186,7 @@ def _warmup(_args: Namespace) -> int:
     from raytrace.warmup import warmup
 
     began = time.perf_counter()
-    with Reporter(_say, bar=False) as reporter:
+    with Reporter(_say, bar=at_terminal()) as reporter:
         warmup(reporter)
     print(f"kernels ready after {time.perf_counter() - began:.1f} s")
     return DONE
@@ -263,6 +267,8 @@ def main(argv: list[str] | None = None) -> int:
     >>> main(["no-such-scene.json", "--output", "picture.png"])
     4
     """
+    for name, value in QUICK.items():
+        os.environ.setdefault(name, value)
     try:
         code = _run(sys.argv[1:] if argv is None else argv)
         sys.stdout.flush()  # a full disk or a closed pipe shows here, not at exit

@@ -36,14 +36,15 @@ def _kernels() -> Iterator[tuple[str, str]]:
         from llvmlite.binding import get_host_cpu_name
 
         from raytrace.accel.lanes import BITS
-        from raytrace.jit import cache_folder
+        from raytrace.native.store import SUFFIX, cache_folder
     except (ImportError, OSError) as error:  # OSError: a shared library that the system cannot load
-        yield "kernels", f"cannot be compiled: {error}"
+        yield "kernels", f"cannot be run: {error}"
         return
     folder = cache_folder()
     yield "processor", f"{get_host_cpu_name()}, {platform.machine()}"
     yield "lanes", f"{BITS // 32} of float32, {BITS // 64} of float64"
     yield "cache", f"{folder} ({'writable' if _writable(folder) else 'NOT writable: every process compiles anew'})"
+    yield "kernels", f"{len(list(folder.glob(f'*{SUFFIX}')))} compiled"
 
 
 def findings() -> Iterator[tuple[str, str]]:

@@ -13,12 +13,9 @@ import contextlib
 import io
 import json
 import os
-import secrets
-import struct
 import zipfile
 import zlib
 from collections.abc import Mapping
-from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -26,7 +23,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from raytrace import png
 from raytrace.errors import FileError
+from raytrace.paths import check_path, suffix_of
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # (3,) f8: Y of linear Rec. 709 and sRGB primaries   [ITU-R BT.709-6]
 MAX_STOPS = 100.0  # |exposure|: 2**100 leads from the middle of the float32 range almost to its end; more is a mistake
@@ -97,35 +96,7 @@ def png_bytes(rgb: ArrayLike, provenance: Mapping[str, Any] = NOTHING, exposure:
     ValueError
         The shape isn't (h, w, 3), or the exposure is out of range.
     """
-    from PIL import Image, PngImagePlugin  # 0.02 s: only where a picture is written
-
-    info = PngImagePlugin.PngInfo()
-    info.add(b"sRGB", b"\0")  # rendering intent 0, perceptual; gAMA, 1 / 2.2, for readers without it   [PNG, 11.3.2.5]
-    info.add(b"gAMA", struct.pack(">I", 45455))
-    for key, text in _to_texts({**provenance, "exposure": exposure}).items():
-        info.add_text(key, text)
-    stream = io.BytesIO()
-    Image.fromarray(srgb8(_checked({"rgb": rgb})["rgb"], exposure)).save(stream, "PNG", pnginfo=info)
-    return stream.getvalue()
-
-
-def check_path(path: str | os.PathLike[str]) -> Path:
-    """Check that a picture can be written to `path`, before a render is lost; nothing is created.
-
-    Raises
-    ------
-    FileError
-        An unknown extension, a missing or read-only folder, a folder at `path`, EXR without the OpenEXR package.
-    """
-    path = Path(path)
-    _suffix(path)
-    if os.path.isdir(path):  # False, where Path.is_dir raises, for a name too long
-        raise FileError(f"{path}: is a folder; give the name of a file in it")
-    if not os.path.isdir(path.parent):
-        raise FileError(f"{path}: there is no folder {path.parent}; create it first")
-    if not os.access(path.parent, os.W_OK):
-        raise FileError(f"{path}: no permission to write in the folder {path.parent}; choose another one")
-    return path
+    return png.encode(srgb8(_checked({"rgb": rgb})["rgb"], exposure), _to_texts({**provenance, "exposure": exposure}))
 
 
 def save(
@@ -180,7 +151,7 @@ def load(path: str | os.PathLike[str]) -> Picture:
         The file is missing, broken, or of another kind; one line says which.
     """
     path = Path(path)
-    read = {".png": _read_png, ".exr": _read_exr, ".npz": _read_npz}[_suffix(path)]
+    read = {".png": _read_png, ".exr": _read_exr, ".npz": _read_npz}[suffix_of(path)]
     try:
         arrays, provenance = read(path.read_bytes())
     except OSError as error:  # with a strerror: of the system; without: Pillow's
@@ -189,15 +160,6 @@ def load(path: str | os.PathLike[str]) -> Picture:
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise FileError(f"{path}: not a whole {path.suffix[1:].upper()} picture: {reason}") from error
     return Picture(arrays.pop("rgb"), arrays.pop("stderr", None), arrays, provenance)
-
-
-def _suffix(path: Path) -> str:
-    suffix = path.suffix.lower()
-    if suffix not in (".png", ".exr", ".npz"):
-        raise FileError(f"{path}: unknown kind of picture {suffix!r}; use .png, .exr or .npz")
-    if suffix == ".exr" and find_spec("OpenEXR") is None:
-        raise FileError(f'{path}: EXR needs OpenEXR: pip install "raytrace[exr]"; or use .npz')
-    return suffix
 
 
 def _checked(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
@@ -217,7 +179,7 @@ def _checked(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
 
 def _replace(path: Path, data: bytes) -> None:
     # os.replace is atomic within a folder: others see the old file or the new one, never a part
-    temporary = path.with_name(f".{secrets.token_hex(8)}.tmp")
+    temporary = path.with_name(f".{os.urandom(8).hex()}.tmp")
     try:
         with open(temporary, "xb") as stream:
             stream.write(data)

@@ -1,153 +1,168 @@
-"""The one kernel decorator, and the one place that keeps compiled kernels.
+"""The one kernel decorator, and those of the functions that kernels call.
 
-Every kernel is compiled with
-
-* ``nogil``: tiles run side by side in plain Python threads, so there is no threading layer to abort and Ctrl-C works;
-* ``error_model="numpy"``: 1 / 0 is inf, as the slab test expects, and not an exception that stops vectorisation;
-* no reference counts (``_nrt``): kernels allocate nothing, they are handed their scratch memory; counting cost the
-  traversal three quarters of its time;
-* no ``fastmath``: a miss is inf, NaN means miss, and the watertight edge functions may not be rearranged.
-
-Numba's own cache does not see an edit in a callee that lives in another file. Compiled kernels therefore lie in a
-folder whose name is a hash of all kernel sources, so that any edit starts an empty one. Where no folder is writable
-nothing is cached, and everything still works.
+A kernel is an ordinary function until it is called. What it is called with chooses its machine code: found in memory,
+else on disk, else compiled by Numba and kept. So a process whose kernels were compiled by an earlier one never imports
+Numba, which takes a third of a second. Machine code lets go of the interpreter's lock: tiles run side by side in plain
+threads, so there is no threading layer to abort and Ctrl-C works.
 """
 
-import hashlib
 import os
+import threading
 import time
-from functools import cache, partial
-from pathlib import Path
-from types import FunctionType
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import update_wrapper
+from typing import Any, Self
 
-import numba
 import numpy as np
-from numba.core import caching, event, types
-from numba.core.dispatcher import Dispatcher
-from numba.extending import overload
-from platformdirs import user_cache_dir
 
-from raytrace.accel import lanes_jit  # noqa: F401  (teaches Numba the SIMD lanes)
+PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")  # kernels stay the functions that they look like
 
-PACKAGE = Path(__file__).parent
-KERNEL_SOURCES = ("jit.py", "records.py", "accel/*.py", "passes/*.py")
+callees: list[tuple[Callable[..., Any], dict[str, bool]]] = []  # that Numba has yet to be told about
+forms: list[tuple[Callable[..., Any], Callable[..., Any]]] = []  # the same: functions, and what chooses their form
 
-
-@cache
-def cache_folder() -> Path:
-    """Folder of this version's compiled kernels: ``RAYTRACE_CACHE`` or the user's cache, then a hash of the sources."""
-    sources = sorted(path for pattern in KERNEL_SOURCES for path in PACKAGE.glob(pattern))
-    content = hashlib.sha256(b"".join(path.read_bytes() for path in sources))
-    content.update(f"numba {numba.__version__} boundscheck {numba.config.BOUNDSCHECK}".encode())
-    root = os.environ.get("RAYTRACE_CACHE") or user_cache_dir("raytrace", appauthor=False)
-    return Path(root) / content.hexdigest()[:16]
+_lock = threading.RLock()  # held while machine code is looked for, compiled or loaded
+if hasattr(os, "register_at_fork"):  # no child may begin in the midst of that
+    os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
 
 
-class _SourceHashLocator(caching._CacheLocator):
-    """Where Numba keeps one kernel: the folder carries the stamp, so the files in it never go stale."""
+class Kernel:
+    """A function that Python calls and that runs as machine code, compiled once for each kind of arguments.
 
-    def __init__(self, py_func, py_file):
-        self._function = py_func
+    Attributes
+    ----------
+    function : callable
+        The Python function.
+    code : dict
+        Address of the machine code for each kind of arguments that it was called with.
+    """
 
-    def get_cache_path(self):
-        return str(cache_folder())
+    def __init__(self, function: Callable[..., Any]) -> None:
+        update_wrapper(self, function)
+        self.function, self.code = function, dict[Any, int]()
+        self._bound = dict[Any, Callable[..., Any]]()
+        self._entries: tuple[Callable[..., Any], ...] = ()  # replaced, never changed: no call waits for a lock
 
-    def get_source_stamp(self):
-        return cache_folder().name
+    def __call__(self, *args: Any) -> Any:
+        """Call the machine code for such arguments."""
+        for entry in self._entries:
+            result = entry(*args)
+            if result is not NotImplemented:
+                return result
+        result = self.load(args)(*args)
+        if result is NotImplemented:
+            raise TypeError(f"{self.function.__name__}: its machine code declines arguments of its own kinds")
+        return result
 
-    def get_disambiguator(self):
-        return str(self._function.__code__.co_firstlineno)
+    def __reduce__(self) -> str:
+        return self.function.__qualname__  # pickled by name
 
-    @classmethod
-    def from_function(cls, py_func, py_file):
-        locator = cls(py_func, py_file)
-        try:
-            locator.ensure_cache_path()
-        except OSError:
-            return None
-        return locator
+    def load(self, args: tuple[Any, ...]) -> Callable[..., Any]:
+        """Have machine code for such arguments ready; its entry."""
+        from raytrace.native.link import bind, link
+        from raytrace.native.signatures import kind_of, types_of
+
+        kinds, types = tuple(map(kind_of, args)), tuple(kind for arg in args for kind in types_of(arg))
+        with _lock:
+            if kinds not in self.code:
+                self.code[kinds] = link(self.stored(kinds) or self._made(kinds))
+            if (kinds, types) not in self._bound:
+                self._bound[kinds, types] = bind(self.function.__name__, self.code[kinds], types)
+                self._entries = tuple(self._bound.values())
+            return self._bound[kinds, types]
+
+    def stored(self, kinds: tuple[Any, ...]) -> Any:
+        """Object code for arguments of these kinds, if the store has it."""
+        from raytrace.native import store
+
+        return store.find(*self._title(kinds))
+
+    def compile(self, kinds: tuple[Any, ...]) -> Any:
+        """Object code for arguments of these kinds, compiled now, and stored."""
+        from raytrace.native import store
+        from raytrace.native.compiler import compile_kernel
+
+        code = compile_kernel(self.function, kinds)
+        store.keep(*self._title(kinds), code)
+        return code
+
+    def _made(self, kinds: tuple[Any, ...]) -> Any:
+        """Object code that was not in the store: whoever is told that it is wanted may have it compiled elsewhere."""
+        with _compiling():
+            return self.stored(kinds) or self.compile(kinds)
+
+    def _title(self, kinds: tuple[Any, ...]) -> tuple[str, str]:
+        from raytrace.native.signatures import describe
+
+        return f"{self.__module__}.{self.function.__qualname__}", ", ".join(map(describe, kinds))
 
 
-class _KernelCacheImpl(caching.CompileResultCacheImpl):
-    _locator_classes = [_SourceHashLocator]
-
-
-class _KernelCache(caching.FunctionCache):
-    _impl_class = _KernelCacheImpl
-
-
-_OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False}
-_CALLED_BY_KERNELS = _OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}  # a third of their compile time
-
-
-def kernel(function):
-    """Compile a function that Python calls; the machine code is kept between processes."""
-    if numba.config.DISABLE_JIT:
+def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function that Python calls, when it is called; the machine code is kept between processes."""
+    if PLAIN:
         return np.errstate(all="ignore")(function)  # 1 / 0 is inf there too
-    compiled = numba.njit(**_OPTIONS)(function)
-    try:
-        compiled._cache = _KernelCache(function)
-    except RuntimeError:  # no folder to write to: "no locator available"
-        return compiled
-    return compiled
+    return Kernel(function)
 
 
-def _one_variant(compiled):
-    """Compile a callee for the types of its arguments, and not once more for each constant that it is called with."""
-    if not numba.config.DISABLE_JIT:
-        template = compiled.get_call_template
-        compiled.get_call_template = lambda args, kws: template([types.unliteral(arg) for arg in args], kws)
-    return compiled
+def load_all(calls: Iterable[tuple[Any, tuple[Any, ...]]]) -> None:
+    """Have the machine code of kernels ready, each given with its arguments."""
+    for kernel, args in calls:
+        if isinstance(kernel, Kernel):
+            kernel.load(args)
 
 
-def inlined(function):
-    """Compile a small function that only kernels call; its body is put into theirs."""
-    return _one_variant(numba.njit(forceinline=True, **_CALLED_BY_KERNELS)(function))
+def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Declare a small function that only kernels call; its body is put into theirs."""
+    callees.append((function, {"forceinline": True}))
+    return function
 
 
-def subroutine(function):
-    """Compile a large function that only kernels call, once, beside them."""
-    return _one_variant(numba.njit(**_CALLED_BY_KERNELS)(function))
+def subroutine(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Declare a large function that only kernels call; it is compiled once, beside them."""
+    callees.append((function, {}))
+    return function
 
 
-# Gives a plain function its compiled form, chosen by the types of its arguments, which leaves no trace in the code.
-specialised = partial(overload, inline="always")
+def specialised(function: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a function its compiled form, chosen by the types of its arguments, which leaves no trace in the code."""
+
+    def declare(choose: Callable[..., Any]) -> Callable[..., Any]:
+        forms.append((function, choose))
+        return choose
+
+    return declare
 
 
-@cache
-def interpreted(compiled):
+def interpreted(kernel: Callable[..., Any]) -> Callable[..., Any]:
     """The plain Python function behind a kernel, its callees plain too: the same results, with nothing to compile."""
-    if numba.config.DISABLE_JIT:
-        return compiled
-    function = compiled.py_func
-    known = function.__globals__
-    callees = [name for name in function.__code__.co_names if isinstance(known.get(name), Dispatcher)]
-    scope = known | {name: interpreted(known[name]) for name in callees}
-    return FunctionType(function.__code__, scope, function.__name__, function.__defaults__)
+    return getattr(kernel, "function", kernel)
 
 
-class on_compile(event.Listener):
-    """Call ``started()`` when Numba begins to compile, and sum the seconds; use as a context manager."""
+class on_compile:
+    """Call ``started()`` when kernels begin to be compiled, and sum the seconds; use as a context manager."""
 
-    def __init__(self, started=None):
-        self.seconds, self.count, self._started, self._depth, self._since = 0.0, 0, started, 0, 0.0
+    def __init__(self, started: Callable[[], None] = lambda: None) -> None:
+        self.seconds, self.count, self._started = 0.0, 0, started
 
-    def on_start(self, event):
-        if self._depth == 0:
-            self._since = time.perf_counter()
-            if self._started and self.count == 0:
-                self._started()
-        self._depth += 1
-        self.count += 1
-
-    def on_end(self, event):
-        self._depth -= 1
-        if self._depth == 0:
-            self.seconds += time.perf_counter() - self._since
-
-    def __enter__(self):
-        event.register("numba:compile", self)
+    def __enter__(self) -> Self:
+        _listening.append(self)
         return self
 
-    def __exit__(self, *exception):
-        event.unregister("numba:compile", self)
+    def __exit__(self, *exception: object) -> None:
+        _listening.remove(self)
+
+
+_listening: list[on_compile] = []
+
+
+@contextmanager
+def _compiling() -> Iterator[None]:
+    """Tell who listens that a kernel is compiled within."""
+    listening, began = list(_listening), time.perf_counter()
+    for listener in listening:
+        listener.count += 1
+        if listener.count == 1:
+            listener._started()
+    yield
+    for listener in listening:
+        listener.seconds += time.perf_counter() - began

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from raytrace.errors import OptionError
-from raytrace.records import LAYERS, MAX_PIXELS, MAX_SEED, MAX_SIDE, MAX_SPP, Settings, Window
+from raytrace.limits import LAYERS, MAX_PIXELS, MAX_SEED, MAX_SIDE, MAX_SPP
+from raytrace.records import Settings, Window
 
 
 def _integer(name: str, value: Any) -> int:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from raytrace import image
 from raytrace.accel.bvh import BVH
+from raytrace.limits import LAYERS
 from raytrace.passes.camera import make_view
-from raytrace.records import LAYERS, Hits, Scene, Window
+from raytrace.records import Hits, Scene, Window
 
 ROWS = 64  # of pixels whose layers are computed at a time
 

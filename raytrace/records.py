@@ -8,14 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 DIFFUSE, REFRACTIVE = range(2)  # Materials.kind
-LAYERS = "depth", "normal", "albedo", "prim_id", "position", "samples"  # AOVs
-
-# Limits of the scene format and of `render`
-MAX_SIDE = 65_536  # pixels along a side of the film
-MAX_PIXELS = 2**28  # pixels of a film: 3 GiB of float32 RGB, 16384 x 16384
-MAX_SPP = 65_536  # samples per pixel; halves the noise of 16384, and sample numbers stay within 16 bits
-MAX_DEPTH = 65_536  # surfaces a path may meet
-MAX_SEED = 2**32 - 1  # the seed is one 32-bit word of the random numbers' address
 
 
 class Camera(NamedTuple):

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 import raytrace
 from raytrace import adaptive, parallel
-from raytrace.accel.lanes import BITS
+from raytrace.accel.build import FEW
+from raytrace.accel.lanes import BITS, PACKET
 from raytrace.estimate import ORDER, Estimate, Film, displayed, estimate, root_mean
-from raytrace.jit import on_compile
+from raytrace.jit import load_all, on_compile
+from raytrace.needs import Picture, compile_ahead, tracing
 from raytrace.options import deadline_after, error_wanted, layers_of, override, window_of
 from raytrace.parts import Part, doubled, rounds, tiles
 from raytrace.passes.camera import make_view
@@ -141,10 +143,12 @@ class _Job:
     def run(self, threads: int, time_limit: float, layers: Sequence[str]) -> Render:
         """Draw until done, stopped or out of time."""
         self._deadline = self.began + time_limit
+        self.with_layers = bool(set(layers) - {"samples"})
         complete, interrupted = False, False
-        with on_compile(lambda: self._say("compiling", 0, 1)) as compiled:
+        with on_compile(self._compile_ahead) as compiled:
             try:
                 self._prepare()
+                self._load_kernels()
                 self._drawing = time.perf_counter()
                 all_drawn = self._draw_all(threads, hasty=time_limit < np.inf)
                 complete = all_drawn and (self.target is None or self._refine(threads, self.target))
@@ -215,13 +219,25 @@ class _Job:
         self.view = make_view(self.scene.camera, self.settings.size, np.dtype(self.precision))
         self.sampler = make_sampler(self.settings.sampler, self.settings.seed, self.settings.spp)
 
+    def _load_kernels(self) -> None:
+        """Have the machine code of kernels ready here, where Ctrl-C is noticed, and not in the threads that draw."""
+        load_all(tracing(Wavefront(self.stage, self.view, self.sampler, PACKET)))
+
+    def _compile_ahead(self) -> None:
+        """Have all compiled that this picture needs, for a kernel is missing."""
+        self._say("compiling", 0, 1)
+        plan, large = self.plan, len(self.scene.mesh.faces) > FEW
+        features = plan.smooth, plan.refraction, plan.lights > 0, large, self.with_layers
+        compile_ahead([Picture(self.precision, self.settings.sampler, *features)], partial(self._say, "compiling"))
+
     def _draw(self, part: Part) -> None:
         """Add samples of some pixels to the film, a batch after the other."""
         pixels = part.pixels
         spare = -len(pixels) % (BITS // 8 // np.dtype(self.precision).itemsize)
-        row, column = np.divmod(np.pad(pixels, (0, spare), "edge"), self.window.width)
+        padded = np.pad(pixels, (0, spare), "edge")
+        row, column = np.divmod(padded, self.window.width)
         x, y = (column + self.window.x).astype(np.uint32), (row + self.window.y).astype(np.uint32)
-        sums = np.pad(self.film.sums[:, pixels], ((0, 0), (0, spare)))
+        sums = np.take(self.film.sums, padded, axis=1)
         step = max(1, BATCH // len(x))
         done = part.first
         while done < part.last and not self._over():

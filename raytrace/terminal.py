@@ -65,6 +65,8 @@ class Reporter:
         self._wants_bar = bar
         self._compiling = False
         self._bar: Any = None  # rich.progress.Progress, once it is shown
+        self._shown = ""  # the stage that it shows
+        self._task: Any = None  # of it
 
     def __call__(self, event: Event) -> None:
         """Take in one event."""
@@ -73,8 +75,8 @@ class Reporter:
             self._say("compiling kernels (first run only)")
         if event.stage == "rendering":
             self.last = event
-            if self._wants_bar and (self._bar or event.seconds >= BAR_AFTER):
-                self._draw(event)
+        if event.stage != "building" and self._wants_bar and (self._bar or event.seconds >= BAR_AFTER):
+            self._draw(event)
 
     def __enter__(self) -> Self:
         return self
@@ -89,9 +91,12 @@ class Reporter:
     def _draw(self, event: Event) -> None:
         if self._bar is None:
             self._bar = _bar()
-            self._task = self._bar.add_task("rendering", total=event.total, speed="")
             self._bar.start()
-        self._bar.update(self._task, completed=event.done, speed=speed(event))
+        if event.stage != self._shown:
+            if self._shown:
+                self._bar.remove_task(self._task)
+            self._shown, self._task = event.stage, self._bar.add_task(event.stage, total=event.total, speed="")
+        self._bar.update(self._task, completed=event.done, speed=speed(event) if event.rays else "")
 
 
 def _bar() -> Any:

@@ -8,20 +8,25 @@ from pathlib import Path
 import pytest
 
 import raytrace as rt
+from raytrace.jit import PLAIN
 
 ROOT = Path(__file__).parents[1]
-HEAVY = {
-    "numba",
-    "llvmlite",
-    "numpy",
-    "pydantic",
-    "trimesh",
-    "scipy",
-    "skimage",
-    "matplotlib",
-    "PIL",
-    "OpenEXR",
-    "rich",
+PYDANTIC = {"pydantic", "pydantic_core", "annotated_types", "typing_extensions", "typing_inspection"}
+MISTAKE = "{'camera': {'lense': 1}}"
+WARM = "rt.render('scenes/cornell-box.json', spp=1, size=(16, 16)).save(sys.argv[1] + '/a.png')"
+MAY_IMPORT = {  # what is run -> the packages that it may import, beside Python's own
+    "import raytrace": set(),
+    "rt.load": set(),
+    "main(['--help'])": set(),
+    "main(['nowhere.json'])": set(),
+    "main(['scenes/cornell-box.json', '--aov', 'colour'])": set(),
+    "main(['schema'])": set(),
+    f"rt.load({MISTAKE})": PYDANTIC,
+    "main(['explain', 'scenes/cornell-box.json'])": {"numpy"},
+    "main(['check', 'scenes/cornell-box.json'])": {"numpy"},
+    "rt.reflect([0, 0, -1], [0, 0, 1])": {"numpy"},
+    "rt.BVH([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])": {"numpy", "llvmlite"},
+    WARM: {"numpy", "llvmlite", "platformdirs"},
 }
 FUNCTIONS = {"load", "render", "explain", "compare", "reflect", "refract", "report", "spawn_ray"}
 CLASSES = {"BVH", "Render", "Scene", "Hits", "Surface", "RaytraceError", "SceneError", "FileError", "OptionError"}
@@ -82,14 +87,35 @@ def test_errors_have_one_root():
     assert all(issubclass(error, rt.RaytraceError) for error in (rt.SceneError, rt.FileError, rt.OptionError))
 
 
-def test_the_import_is_light():
-    program = f"import sys, raytrace; print(*({HEAVY!r} & sys.modules.keys()))"
-    assert python(program).split() == []
+def imported(program, *words):
+    """Packages that a program has imported, beside Python's own and what its start brings."""
+    program = f"""
+import sys
+before = set(sys.modules)
+import raytrace as rt
+from raytrace.cli import main
+try:
+    {program}
+except (SystemExit, rt.RaytraceError):
+    pass
+names = {{name.partition(".")[0] for name in set(sys.modules) - before if not name.startswith("_sysconfigdata")}}
+print()
+print(*(names - sys.stdlib_module_names - {{"raytrace"}}))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program, *words], capture_output=True, text=True, timeout=300, cwd=ROOT
+    )
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.splitlines()[-1].split())
 
 
-def test_a_plan_or_a_scene_needs_no_compiler():
-    program = "import sys, raytrace as rt; print(rt.explain('scenes/cornell-box.json')); print('numba' in sys.modules)"
-    assert python(program).splitlines()[-1] == "False"
+@pytest.mark.parametrize("program", MAY_IMPORT)
+def test_nothing_is_imported_before_it_is_needed(program, tmp_path):
+    if program == WARM:
+        imported(program, tmp_path)  # compiles, at the first time
+        if PLAIN:
+            pytest.skip("kernels are plain functions")
+    assert imported(program, str(tmp_path)) <= MAY_IMPORT[program]
 
 
 def test_a_name_is_imported_when_it_is_first_used_and_then_kept():

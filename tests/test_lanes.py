@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rays
-from raytrace.accel import lanes
+from raytrace.accel import lanes, lanes_jit  # noqa: F401  (teaches Numba the lanes)
 from raytrace.accel.lanes import (
     absolute,
     bits,

@@ -9,7 +9,7 @@ import pytest
 
 from raytrace.errors import FileError, SceneError
 from raytrace.records import RawMesh
-from raytrace.scene import meshes
+from raytrace.scene import files, meshes
 from raytrace.scene.load import load
 from raytrace.scene.meshes import concatenate, read_mesh, transform
 from raytrace.scene.obj import read_obj
@@ -169,12 +169,16 @@ def test_broken_obj_names_the_line(tmp_path, text, told):
         ("a.ply", PLY.replace("3 0 2 3", "3 0 2 7"), ": face row 1 uses vertices [0, 2, 7], but there are 4"),
         ("a.ply", PLY.replace("3 0 2 3", "3 0 2 -1"), ": face row 1 uses vertices [0, 2, -1], but there are 4"),
         ("a.ply", PLY.replace("1 1 0", "1 nan 0"), ": vertex row 2 is not finite: [1.0, nan, 0.0]"),
-        ("a.ply", PLY[:-16], ": no complete PLY file: the header announces 6 lines, the file ends before"),
+        ("a.ply", PLY[:-16], ": no complete PLY file: the file ends before row 0 of element face does"),
         ("a.ply", PLY[:60], ": no complete PLY file: the header has no end"),
         ("a.ply", "", ": no complete PLY file: the header has no end"),
         ("a.ply", PLY[: PLY.index("3 0 1 2")].replace("face 2", "face 0"), ": no triangles in it"),
-        ("a.ply", PLY.replace("1 1 0", "1 x 0"), ": no complete PLY file: string or file could not be read"),
-        ("a.ply", "format ascii\nelement vertex 1\nend_header\n1\n", ": no complete PLY file: Not a ply file!"),
+        ("a.ply", PLY.replace("1 1 0", "1 x 0"), ": no complete PLY file: could not convert string to float"),
+        (
+            "a.ply",
+            "format ascii\nelement vertex 1\nend_header\n1\n",
+            ': no complete PLY file: the first line is not "ply"',
+        ),
         ("a.stl", "solid x\nendsolid x\n", ": no "),
         ("a.stl", "", ": no "),
         ("a.glb", b"", ": no complete GLB file: the header announces 0 bytes, the file has 0"),
@@ -226,7 +230,8 @@ def test_missing_file_directory_and_vast_file_are_file_errors(tmp_path, monkeypa
         read_mesh(tmp_path / "folder.obj")
     with pytest.raises(FileError, match="can't be read"):
         read_mesh(tmp_path / ("a" * 5000))
-    monkeypatch.setattr(meshes, "MAX_BYTES", 1000)
+    for module in (files, meshes):
+        monkeypatch.setattr(module, "MAX_BYTES", 1000)
     with pytest.raises(FileError, match="more than 1000 bytes"):
         read_mesh(save(tmp_path, "vast.obj", "#" * 1001))
     with pytest.raises(FileError, match="unfolds to more than 1000 bytes"):

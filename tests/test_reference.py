@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from raytrace import image, jit
+from raytrace import image
 from raytrace.errors import FileError, OptionError
+from raytrace.native import store
 from raytrace.records import Settings
 from raytrace.rendering import render
 from raytrace.reporting import reference
@@ -78,7 +79,7 @@ def test_without_a_place_to_keep_it_it_is_drawn_all_the_same(scene, tmp_path, mo
 
 
 def test_it_lies_beside_the_kernels_that_drew_it():
-    assert reference.cache_folder is jit.cache_folder
+    assert reference.cache_folder is store.cache_folder
 
 
 def test_the_pictures_that_it_judges_have_other_seeds(scene, monkeypatch):

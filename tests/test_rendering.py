@@ -155,12 +155,12 @@ def interrupted_after(parts, scene, **ask):
 
 
 def test_ctrl_c_keeps_the_finished_part(box, tmp_path):
-    ask = {"size": (8 * TILE, 4 * TILE), "spp": 8}
+    ask = {"size": (32 * TILE, 16 * TILE), "spp": 8}  # a quarter of a second, so that the interrupt is not too late
     whole, part = rt.render(box, **ask), interrupted_after(3, box, **ask)
     assert (part.complete, part.interrupted) == (False, True)
     samples = part.aov["samples"]
     assert set(np.unique(samples)) == {0, 8}
-    tiles = samples.reshape(4, TILE, 8, TILE)
+    tiles = samples.reshape(16, TILE, 32, TILE)
     assert (tiles == tiles[:, :1, :, :1]).all()  # tiles are there or not
     drawn = samples == 8
     assert 3 * TILE**2 <= drawn.sum() < drawn.size

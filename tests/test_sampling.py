@@ -2,13 +2,13 @@
 
 import math
 
-import numba
 import numpy as np
 import pytest
 
 import naive_sampling as twin
 import rays
 from raytrace.accel.lanes import load, packet, packet_width, store
+from raytrace.jit import kernel
 from raytrace.passes.sampling import Independent, Sobol, Stratified, film_sample, make_sampler, pixel_key
 
 PRECISIONS = ("float32", "float64")
@@ -16,7 +16,7 @@ SAMPLERS = ("sobol", "stratified", "independent")
 SEEDS = (0, 1, 2**32 - 1)
 
 
-@numba.njit(error_model="numpy")
+@kernel
 def draw(sampler, x, y, first, last, out):
     """Points (2, last - first, pixels) of the samples of pixels, into flat ``out``."""
     like = packet(out)

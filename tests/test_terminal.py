@@ -58,6 +58,22 @@ def test_a_long_render_shows_a_bar_with_its_speed_on_stderr_only(capsys, monkeyp
     assert "25.0 M rays/s" in err
 
 
+def test_compiling_has_a_bar_that_gives_way_to_that_of_rendering(capsys, monkeypatch):
+    for name, value in {"FORCE_COLOR": "1", "COLUMNS": "100", "TERM": "xterm"}.items():
+        monkeypatch.setenv(name, value)
+    with Reporter(print, bar=True) as reporter:
+        reporter(Event("compiling", done=0, total=1))
+        reporter(Event("compiling", done=2, total=5, seconds=1.0))
+        assert [task.description for task in reporter._bar.tasks] == ["compiling"]
+        assert reporter._bar.tasks[0].fields["speed"] == ""
+        reporter(Event("rendering", done=1, rays=10**6, seconds=0.1))
+        assert [task.description for task in reporter._bar.tasks] == ["rendering"]
+    out, err = capsys.readouterr()
+    assert out == "compiling kernels (first run only)\n"
+    assert "compiling" in err
+    assert "rendering" in err
+
+
 def test_no_color_is_respected(capsys, monkeypatch):
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("NO_COLOR", "1")

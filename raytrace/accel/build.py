@@ -130,6 +130,9 @@ def _grow_all(binary, split, grow):
     def finish(part):
         counts.append(grow(binary, split, NODE, part, make_scratch(dtype)) - part.free)
 
-    if parts:
+    if n > MIN_PART:
         parallel.run(finish, parts, None)
+    else:
+        for part in parts:
+            finish(part)
     return binary, sum(counts)

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from raytrace.records import Columns, Rays
 
 MAX_ROWS = 2**29  # vertices or faces of a mesh: twice as many nodes still have int32 numbers
+KERNELS = "C_CONTIGUOUS", "ALIGNED", "ENSUREARRAY"  # what kernels ask of arrays of several axes
 REACH = 2**31  # elements between the first and the last that kernels read of an array: their numbers are int32
 
 
@@ -48,7 +49,7 @@ def check_vertices(value: ArrayLike, dtype: np.dtype) -> NDArray[np.floating]:
     """Vertices as a contiguous (v, 3) array of that type: all finite, and of sizes whose areas are numbers of it."""
     given = _few("vertices", _rows("vertices", _numbers("vertices", value)))
     with np.errstate(over="ignore"):
-        array = np.ascontiguousarray(given, dtype)
+        array = np.require(given, dtype, KERNELS)
     size = max(array.max(initial=0), -array.min(initial=0))
     cure = "use precision='float64', or other units" if dtype == np.float32 else "use other units"
     if not np.isfinite(size):
@@ -83,7 +84,7 @@ def check_faces(value: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
         raise ValueError(
             f"faces: row {bad[0]} is {array[bad[0]].tolist()}, but there are {vertex_count} vertices, numbered from 0"
         )
-    return np.ascontiguousarray(array, np.int32)
+    return np.require(array, np.int32, KERNELS)
 
 
 def _few(name: str, array: NDArray[Any]) -> NDArray[Any]:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from raytrace.records import MAX_SPP
+from raytrace.limits import MAX_SPP
 from raytrace.reporting.analysis import Order, curves_of, needed
 from raytrace.reporting.measure import Point
 from raytrace.reporting.ways import Way

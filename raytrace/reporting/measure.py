@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.image import srgb8
+from raytrace.limits import MAX_SEED
 from raytrace.picture import Render
-from raytrace.records import MAX_SEED, Scene
+from raytrace.records import Scene
 from raytrace.reporting.error import Comparison, compare, screen
 from raytrace.reporting.reference import Reference
 from raytrace.reporting.ways import Subject, Way, steps_of, weight_of

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from raytrace import image
 from raytrace.errors import FileError, OptionError
-from raytrace.jit import cache_folder
-from raytrace.records import MAX_SEED, MAX_SPP, Scene
+from raytrace.limits import MAX_SEED, MAX_SPP
+from raytrace.native.store import cache_folder
+from raytrace.records import Scene
 from raytrace.rendering import Progress, render
 from raytrace.reporting.error import screen
 

@@ -1,6 +1,6 @@
 """From a scene file to arrays: the format, its errors, its meshes."""
 
-from importlib.resources import files
+from pathlib import Path
 
 
 def schema_text() -> str:
@@ -11,4 +11,4 @@ def schema_text() -> str:
     >>> schema_text().startswith("{")
     True
     """
-    return files("raytrace.scene").joinpath("scene.schema.json").read_text("utf-8")
+    return Path(__file__).with_name("scene.schema.json").read_text("utf-8")

@@ -4,11 +4,9 @@ The checks look at the JSON itself, so that they can report beside the problems 
 right form is passed over, since the format reports it.
 """
 
+import math
 from collections.abc import Iterator
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from raytrace.scene.problems import Problem, unknown_name
 
@@ -16,34 +14,44 @@ from raytrace.scene.problems import Problem, unknown_name
 PARALLEL = 1e-6
 
 
-def _vector(section: Any, key: str, default: list[float] | None = None) -> NDArray[np.float64] | None:
+Vector = tuple[float, float, float]
+
+
+def _vector(section: Any, key: str, default: list[float] | None = None) -> Vector | None:
     value = section.get(key, default) if isinstance(section, dict) else None
-    numbers = isinstance(value, list) and len(value) == 3 and all(type(x) in (int, float) for x in value)
-    return np.array(value, np.float64) if numbers else None
+    if not (isinstance(value, list) and len(value) == 3 and all(type(x) in (int, float) for x in value)):
+        return None
+    return float(value[0]), float(value[1]), float(value[2])
 
 
-def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unit(vector: Vector) -> Vector:
     """Normalise without overflow or underflow; the zero vector stays what it is."""
-    largest = np.max(np.abs(vector))
+    largest = max(map(abs, vector))
     if largest == 0:
         return vector
-    scaled = vector / largest
-    return np.asarray(scaled / np.sqrt(scaled @ scaled))
+    x, y, z = (component / largest for component in vector)
+    length = math.hypot(x, y, z)
+    return x / length, y / length, z / length
+
+
+def _sine(a: Vector, b: Vector) -> float:
+    """Sine of the angle between two unit vectors."""
+    return math.hypot(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 def _check_camera(camera: Any) -> Iterator[Problem]:
     position, look_at = _vector(camera, "position"), _vector(camera, "look_at")
     up = _vector(camera, "up", [0.0, 1.0, 0.0])
-    if up is not None and not up.any():
+    if up is not None and not any(up):
         yield Problem(("camera", "up"), "up has no direction; expected a vector other than 0")
     if position is None or look_at is None:
         return
-    if (position == look_at).all():
+    if position == look_at:
         yield Problem(("camera", "look_at"), "the camera looks at its own position; move one of the two")
-    elif up is not None and up.any():
-        view = _unit(look_at / 2 - position / 2)  # halves: the difference of two large numbers may overflow
-        sine = np.cross(_unit(up), view)
-        if sine @ sine < PARALLEL**2:
+    elif up is not None and any(up):
+        # halves: the difference of two large numbers may overflow
+        x, y, z = (there / 2 - here / 2 for there, here in zip(look_at, position, strict=True))
+        if _sine(_unit(up), _unit((x, y, z))) < PARALLEL:
             text = "up is parallel to the view direction; choose another, as [0, 0, 1] for a view straight down"
             yield Problem(("camera", "up") if "up" in camera else ("camera",), text)
 
@@ -68,7 +76,7 @@ def check(data: dict[str, Any]) -> list[Problem]:
         if isinstance(name, str) and isinstance(materials, dict) and name not in materials:
             problems.append(Problem(("objects", i, "material"), unknown_name("material", name, materials)))
         axis = _vector(entry.get("rotate"), "axis") if isinstance(entry, dict) else None
-        if axis is not None and not axis.any():
+        if axis is not None and not any(axis):
             text = "the axis has no direction; expected a vector other than 0"
             problems.append(Problem(("objects", i, "rotate", "axis"), text))
     return problems

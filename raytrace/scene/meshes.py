@@ -1,4 +1,4 @@
-"""Mesh files to arrays: OBJ by an own reader; PLY, STL and GLB through trimesh, imported when one of them is met.
+"""Mesh files to arrays: OBJ and PLY by own readers; STL and GLB through trimesh, imported when one of them is met.
 
 Of trimesh only the readers of the formats are used, not its ``Trimesh``: they return the file's own arrays, tell
 whether normals stand in the file, and neither merge vertices nor look for textures.
@@ -7,7 +7,6 @@ whether normals stand in the file, and neither merge vertices nor look for textu
 import gzip
 import io
 import json
-import re
 import warnings
 import zlib
 from collections.abc import Callable
@@ -19,10 +18,10 @@ from numpy.typing import NDArray
 
 from raytrace.errors import FileError, SceneError
 from raytrace.records import RawMesh
+from raytrace.scene.files import MAX_BYTES, format_of, locate
 from raytrace.scene.obj import ObjError, read_obj
-from raytrace.scene.problems import no_such_file
+from raytrace.scene.ply import read_ply
 
-MAX_BYTES = 2**30  # of a mesh file, unfolded: about 10 million triangles of OBJ, 50 million of binary PLY
 HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_punctual")  # GLB extensions: no shape in them
 
 Matrix = NDArray[np.float64]
@@ -106,18 +105,6 @@ def _raw(geometry: dict[str, Any]) -> RawMesh | None:
     return RawMesh(vertices, faces, np.array(normals, np.float64), faces)
 
 
-def _read_ply(data: bytes) -> list[RawMesh | None]:
-    from trimesh.exchange.ply import load_ply
-
-    header, end, body = data.partition(b"end_header")
-    counts = [int(count) for count in re.findall(rb"(?m)^element\s+\w+\s+(\d+)", header)]
-    if not end or not counts:
-        raise ValueError("the header has no end")
-    if re.search(rb"(?m)^format\s+ascii", header) and len(body.split(b"\n")) - 1 < sum(counts):
-        raise ValueError(f"the header announces {sum(counts)} lines, the file ends before")
-    return [_raw(load_ply(io.BytesIO(data), fix_texture=False, skip_materials=True))]
-
-
 def _read_stl(data: bytes) -> list[RawMesh | None]:
     from trimesh.exchange.stl import load_stl
 
@@ -153,41 +140,10 @@ def _read_glb(data: bytes) -> list[RawMesh | None]:
 
 READERS: dict[str, Callable[[bytes], list[RawMesh | None]]] = {
     ".obj": lambda data: [read_obj(data)],
-    ".ply": _read_ply,
+    ".ply": lambda data: [read_ply(data)],
     ".stl": _read_stl,
     ".glb": _read_glb,
 }
-
-
-def _format(path: Path) -> str:
-    """Return the suffix that tells the format, without ``.gz``."""
-    return Path(path.stem if path.suffix.lower() == ".gz" else path.name).suffix.lower()
-
-
-def locate(path: Path) -> None:
-    """Check that a path can be a mesh file, without reading it.
-
-    Raises
-    ------
-    SceneError
-        Its format is none of those that can be read.
-    FileError
-        There is no such file, or it is a directory, or too large.
-    """
-    try:
-        if path.is_dir():
-            raise FileError(f"{path}: a directory; name a mesh file in it")
-        if not path.exists():
-            raise FileError(no_such_file(path))
-    except FileError:
-        raise
-    except OSError as error:
-        raise FileError(f"{path}: can't be read: {error.strerror or error}") from None
-    if _format(path) not in READERS:
-        known = ", ".join(READERS)
-        raise SceneError([f"{path}: no mesh format that can be read (known: {known}, plain or with .gz)"])
-    if path.stat().st_size > MAX_BYTES:
-        raise FileError(f"{path}: more than {MAX_BYTES} bytes; split it or simplify it")
 
 
 def _read_bytes(path: Path) -> bytes:
@@ -245,7 +201,7 @@ def read_mesh(path: Path) -> RawMesh:
     """
     locate(path)
     data = _read_bytes(path)
-    kind = _format(path)
+    kind = format_of(path)
     try:
         with warnings.catch_warnings():  # trimesh's are not for people who render
             warnings.simplefilter("ignore")

@@ -125,7 +125,7 @@ def _parts(corners: Words, lines: Integers) -> tuple[Words, Words]:
     return parts[::3], [part or b"0" for part in parts[2::3]]
 
 
-def _fan(sizes: Integers) -> Integers:
+def fan(sizes: Integers) -> Integers:
     """Return the corners (m, 3) of the triangles that polygons fall into: a fan about each one's first corner."""
     triangles = sizes - 2
     first = np.repeat(np.cumsum(sizes) - sizes, triangles)
@@ -164,9 +164,9 @@ def read_obj(data: bytes) -> RawMesh:
         row = int(np.argmin(finite))
         raise ObjError(int(points.lines[row]), f"vertex {row + 1} is not finite: {vertices[row].tolist()}")
     lines = np.repeat(faces.lines, faces.sizes)
-    fan = _fan(faces.sizes)
+    triangles = fan(faces.sizes)
     vertex_words, normal_words = _parts(faces.words, lines)
-    rows = _references(vertex_words, lines, points, "vertex")[fan]
+    rows = _references(vertex_words, lines, points, "vertex")[triangles]
     if not len(normals):
         return RawMesh(vertices, rows, None, None)
-    return RawMesh(vertices, rows, normals, _references(normal_words, lines, directions, "normal")[fan])
+    return RawMesh(vertices, rows, normals, _references(normal_words, lines, directions, "normal")[triangles])

@@ -9,6 +9,7 @@ import re
 from dataclasses import dataclass, field
 
 Path = tuple[str | int, ...]  # ("objects", 1, "mesh"): keys and indices from the root
+Origins = dict[Path, Path]  # of parts that were translated -> where they stand in the text
 
 TOKEN = re.compile(
     r'[ \t\r\n]*(?:(?P<string>"[^"\\]*(?:\\.[^"\\]*)*")|(?P<mark>[{}\[\],:])|(?P<word>[^ \t\r\n"{}\[\],:]+))'

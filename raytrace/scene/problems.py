@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
+from raytrace.errors import FileError, SceneError
 from raytrace.scene.positions import Path
 
 
@@ -16,6 +17,11 @@ class Problem(NamedTuple):
     text: str  # what is wrong, and the fix
     at_key: bool = False  # whether the key is wrong, and not its value
     unreadable: bool = False  # whether a file can't be read, where the scene itself may be right
+
+
+def mesh_problem(index: int, error: SceneError | FileError) -> Problem:
+    """What is wrong with the mesh file of an object."""
+    return Problem(("objects", index, "mesh"), str(error), unreadable=isinstance(error, FileError))
 
 
 def quote(value: Any) -> str:

@@ -8,27 +8,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
-from raytrace.records import MAX_DEPTH, MAX_PIXELS, MAX_SEED, MAX_SIDE, MAX_SPP
-
-
-def _check_film(size: tuple[int, int]) -> tuple[int, int]:
-    width, height = size
-    if max(size) > MAX_SIDE or width * height > MAX_PIXELS:
-        limits = f"a side has at most {MAX_SIDE} pixels and a film at most {MAX_PIXELS}"
-        raise ValueError(f"a film of {width} x {height} pixels is too large; {limits}")
-    return size
-
-
-def _spread_number(scale: Any) -> Any:
-    number = isinstance(scale, int | float) and not isinstance(scale, bool)
-    return (scale, scale, scale) if number else scale
-
-
-def _check_scale(scale: tuple[float, float, float]) -> tuple[float, float, float]:
-    if 0 in scale:
-        raise ValueError("a scale of 0 leaves no surface; use a number other than 0 for each axis")
-    return scale
-
+from raytrace.limits import MAX_DEPTH, MAX_PIXELS, MAX_SEED, MAX_SIDE, MAX_SPP
+from raytrace.scene.rules import check_film, check_scale, spread_number
 
 Number = Annotated[float, Field(strict=True)]
 NonNegative = Annotated[float, Field(strict=True, ge=0)]
@@ -37,9 +18,9 @@ Side = Annotated[int, Field(strict=True, ge=1, json_schema_extra={"maximum": MAX
 Point = tuple[Number, Number, Number]
 Colour = tuple[NonNegative, NonNegative, NonNegative]
 Albedo = tuple[Share, Share, Share]
-Size = Annotated[tuple[Side, Side], AfterValidator(_check_film)]
+Size = Annotated[tuple[Side, Side], AfterValidator(check_film)]
 Scale = Annotated[
-    Point, BeforeValidator(_spread_number, json_schema_input_type=Number | Point), AfterValidator(_check_scale)
+    Point, BeforeValidator(spread_number, json_schema_input_type=Number | Point), AfterValidator(check_scale)
 ]
 
 

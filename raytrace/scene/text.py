@@ -45,7 +45,7 @@ class Text:
         self.text = text
         self.in_file = in_file
 
-    def tell(self, problems: Iterable[Problem], origins: dict[positions.Path, positions.Path]) -> list[str]:
+    def tell(self, problems: Iterable[Problem], origins: positions.Origins) -> list[str]:
         """Return the problems with their places, a line each, in the order of the text.
 
         Parameters
@@ -67,6 +67,13 @@ class Text:
             offset = where.key(path) if problem.at_key else where.value(path)
             placed.append((offset, self._line(where, offset, path, problem.text)))
         return [line for _, line in sorted(placed, key=lambda pair: pair[0])]
+
+    def error(self, problems: list[Problem], origins: positions.Origins) -> SceneError | FileError:
+        """Make one error of all problems: one of files where nothing else is wrong."""
+        lines = self.tell(problems, origins)
+        if all(problem.unreadable for problem in problems):
+            return FileError("\n".join(lines))
+        return SceneError(lines)
 
     def _line(self, where: positions.Positions, offset: int, path: positions.Path, text: str) -> str:
         place = ":".join(map(str, (self.name, *where.line_column(offset)))) if self.in_file else self.name

@@ -1,0 +1,104 @@
+"""Kernels compiled by processes of their own: Numba holds the interpreter's lock, so threads would only take turns.
+
+They write what they make into the store, where this process finds it: so it need not import Numba, and Ctrl-C is
+noticed at once. Where no process can be started, or one dies, this one finds nothing, and compiles what it needs.
+"""
+
+import base64
+import contextlib
+import os
+import pickle
+import subprocess
+import sys
+import threading
+from collections import defaultdict
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from raytrace import parallel
+from raytrace.native import store
+from raytrace.native.signatures import Kind, describe, kind_of
+
+MOST = 4  # processes: each takes half a second and 150 MB before it compiles, and two kernels take most of all the time
+PROGRAM = "import sys; sys.path[:] = {path!r}; from raytrace.native.workers import work; work()"
+DONE = b"done\n"
+
+Task = tuple[Any, tuple[Kind, ...]]  # a kernel, and kinds of arguments
+
+
+def missing(calls: Iterable[tuple[Any, tuple[Any, ...]]]) -> list[Task]:
+    """Kernels that the store lacks, of those given with arguments."""
+    tasks = dict.fromkeys((kernel, tuple(map(kind_of, args))) for kernel, args in calls)
+    return [(kernel, kinds) for kernel, kinds in tasks if kernel.stored(kinds) is None]
+
+
+def _shares(tasks: Iterable[Task]) -> list[list[Task]]:
+    """Kernels of one file and one precision share callees: a process compiles those but once."""
+    shares = defaultdict(list)
+    for kernel, kinds in tasks:
+        shares[kernel.__module__, "float32" in ", ".join(map(describe, kinds))].append((kernel, kinds))
+    return list(shares.values())
+
+
+def compile_all(tasks: Iterable[Task], report: Callable[[int, int], None] = lambda _done, _total: None) -> None:
+    """Compile kernels into the store, as far as that can be done.
+
+    Parameters
+    ----------
+    tasks : iterable of (Kernel, kinds)
+        Those that take long come first.
+    report : callable
+        Is called here with the number of shares done, and of all.
+    """
+    shares = _shares(tasks)
+    count = min(parallel.thread_count(None), MOST, len(shares))
+    python = Path(sys.executable or "").stem.startswith("python")  # and not another program that has Python within
+    if count < 2 or not python or not store.can_keep():
+        return
+    mine, workers, stopping = threading.local(), list[subprocess.Popen[bytes]](), threading.Event()
+
+    def compile_share(share: list[Task]) -> None:
+        if not hasattr(mine, "worker"):
+            mine.worker = _start()
+            workers.append(mine.worker)
+            if stopping.is_set():  # before it was in the list
+                mine.worker.kill()
+        with contextlib.suppress(OSError):  # it has died
+            mine.worker.stdin.write(base64.b64encode(pickle.dumps(share)) + b"\n")
+            mine.worker.stdin.flush()
+            mine.worker.stdout.readline()
+
+    def stop() -> None:
+        stopping.set()
+        for worker in workers:
+            worker.kill()
+
+    report(0, len(shares))
+    try:
+        parallel.run(compile_share, shares, count, report=lambda done: report(done, len(shares)), cancel=stop)
+    except OSError:  # no process could be started; it is tried no further
+        stop()
+    finally:
+        for worker in workers:
+            worker.communicate()  # closes its input, at the end of which it leaves
+
+
+def _start() -> "subprocess.Popen[bytes]":
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM.format(path=sys.path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+    )
+
+
+def work() -> None:
+    """What such a process does: compile what it reads, until its input ends."""
+    answers = os.fdopen(os.dup(1), "wb", buffering=0)
+    os.dup2(2, 1)  # whatever is printed is no answer
+    for line in sys.stdin.buffer:
+        for kernel, kinds in pickle.loads(base64.b64decode(line)):
+            kernel.compile(kinds)
+        answers.write(DONE)

@@ -1,0 +1,123 @@
+"""From a valid scene to arrays: its meshes read and put in place, its tables, its hash."""
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raytrace.errors import FileError, SceneError
+from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Lights, Materials, Mesh, RawMesh, Scene, Settings
+from raytrace.scene import checks
+from raytrace.scene.meshes import read_mesh
+from raytrace.scene.place import Placed, assemble, place
+from raytrace.scene.positions import Origins
+from raytrace.scene.problems import Problem, mesh_problem
+from raytrace.scene.text import Text
+
+
+def make_scene(scene: Any, data: dict[str, Any], path: Path | None, text: Text, origins: Origins) -> Scene:
+    """Read the meshes of a valid scene, and put them together.
+
+    Parameters
+    ----------
+    scene : SceneFile, or what has its attributes
+    data : dict
+        The same as JSON types.
+    path : Path or None
+        Its file; None: it is a dict.
+    text, origins
+        Where problems lie.
+
+    Raises
+    ------
+    SceneError, FileError
+        What is wrong with meshes.
+    """
+    placed, problems = _place_all(scene, path.parent if path else Path())
+    if problems:
+        raise text.error(problems, origins)
+    mesh, mesh_warnings = assemble(placed)
+    names = _names(scene)
+    warnings = checks.warn(data)
+    warnings += [Problem(("objects", i, "mesh"), f"{names[i]}: {what}") for i, what in mesh_warnings]
+    view = scene.camera
+    camera = Camera(np.array(view.position), np.array(view.look_at), np.array(view.up), view.fov)
+    background = np.array(scene.background)
+    materials = _materials(scene)
+    lights = Lights(
+        position=np.array([light.position for light in scene.lights]).reshape(-1, 3),
+        flux=np.array([light.flux for light in scene.lights]).reshape(-1, 3),
+    )
+    render = scene.render
+    return Scene(
+        source=path,
+        sha256=_hash(camera, render.max_depth, background, materials, lights, mesh),
+        about=scene.about,
+        camera=camera,
+        settings=Settings(scene.film.size, render.spp, render.max_depth, render.sampler, render.precision, render.seed),
+        background=background,
+        materials=materials,
+        lights=lights,
+        mesh=mesh,
+        objects=names,
+        warnings=tuple(text.tell(warnings, origins)) if warnings else (),
+    )
+
+
+def _place_all(scene: Any, folder: Path) -> tuple[list[Placed], list[Problem]]:
+    """Read each mesh file once, and put it where the objects want it."""
+    rows = {name: row for row, name in enumerate(scene.materials)}
+    read: dict[str, RawMesh | None] = {}
+    placed, problems = [], []
+    for i, entry in enumerate(scene.objects):
+        try:
+            if entry.mesh not in read:
+                read[entry.mesh] = None  # a broken file is told once
+                read[entry.mesh] = read_mesh(folder / entry.mesh)
+            raw = read[entry.mesh]
+            if raw is not None:
+                placed.append(place(raw, entry, rows[entry.material]))
+        except (SceneError, FileError) as error:
+            problems.append(mesh_problem(i, error))
+        except ValueError as error:
+            problems.append(Problem(("objects", i), str(error)))
+    return placed, problems
+
+
+def _materials(scene: Any) -> Materials:
+    kinds = list(scene.materials.values())
+    return Materials(
+        name=tuple(scene.materials),
+        kind=np.array([DIFFUSE if m.type == "diffuse" else REFRACTIVE for m in kinds], np.int8),
+        albedo=np.array([m.albedo if m.type == "diffuse" else (1, 1, 1) for m in kinds], np.float64),
+        ior=np.array([m.ior if m.type == "refractive" else 1 for m in kinds], np.float64),
+        two_sided=np.array([m.type == "diffuse" and m.two_sided for m in kinds]),
+        transparent_shadow=np.array([m.type == "refractive" and m.shadows == "transparent" for m in kinds]),
+    )
+
+
+def _names(scene: Any) -> tuple[str, ...]:
+    """Name the objects after their files, with a number where a file is used again."""
+    names: list[str] = []
+    counts: dict[str, int] = {}
+    for entry in scene.objects:
+        name = Path(entry.mesh).name
+        counts[name] = counts.get(name, 0) + 1
+        names.append(name if counts[name] == 1 else f"{name} ({counts[name]})")
+    return tuple(names)
+
+
+def _hash(camera: Camera, max_depth: int, background: Any, *records: Materials | Lights | Mesh) -> str:
+    """Hash what the light does in the scene: neither names nor how it is sampled, nor where it was loaded from."""
+    digest = hashlib.sha256()
+    content = {"fov": camera.fov, "max_depth": max_depth, "background": background}
+    content |= {"position": camera.position, "look_at": camera.look_at, "up": camera.up}
+    for record in records:
+        content |= {f"{type(record).__name__}.{key}": value for key, value in record._asdict().items()}
+    for key, value in content.items():
+        if key not in ("Materials.name", "Mesh.object_id") and value is not None:
+            array = np.ascontiguousarray(value)
+            digest.update(f"{key} {array.dtype.str} {array.shape}".encode())
+            digest.update(array.astype(array.dtype.newbyteorder("<"), copy=False).data)
+    return digest.hexdigest()
