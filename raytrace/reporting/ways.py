@@ -112,7 +112,7 @@ def _reach(scene: Scene) -> float:
 
 def _forget_boxes(bvh: BVH, reach: float) -> None:
     """Widen all boxes until every ray meets every one: then each ray is tested against all triangles."""
-    bvh.tree.extent[6] = 0  # of a usual leaf: a frustum would leave out triangles too
+    bvh.tree.extent[6] = -1  # no frustum, which would leave out triangles too, is as narrow as that
     boxes, used = boxes_of(bvh.tree.nodes), children_of(bvh.tree.nodes)[:, None, :] != 0
     for rows, plane in ((slice(0, 3), -reach), (slice(3, 6), reach)):
         boxes[:, rows] = np.where(used, plane, boxes[:, rows])
