@@ -46,12 +46,40 @@ def test_stratified_points_share_no_cell(pixel, spp):
     assert len({tuple(cell) for cell in cells}) == spp
 
 
+@pytest.mark.parametrize("cells", [2, 4, 8, 16])
+@pytest.mark.parametrize("sampler", ["independent", "sobol", "stratified"])
+def test_one_sample_may_lie_anywhere_in_its_pixel(sampler, cells):
+    """x and y together, of the first sample of 2^16 pixels: no net hides a place that is preferred."""
+    u = twin.film_points(sampler, 9, 1, (0, 0, 256, 256)) % 1
+    counts, _, _ = np.histogram2d(u[..., 0].ravel(), u[..., 1].ravel(), bins=cells, range=[(0, 1), (0, 1)])
+    chi2, freedom = np.sum((counts - counts.mean()) ** 2) / counts.mean(), cells**2 - 1
+    assert (chi2 - freedom) / np.sqrt(2 * freedom) < 4.4  # normal for many degrees; for 3 of them alpha is 1e-4
+
+
+@pytest.mark.parametrize("cells", [2, 4, 8, 16])
+@pytest.mark.parametrize("dim", [0, 1])
+@pytest.mark.parametrize("step", [(1, 0), (0, 1)])
+def test_first_samples_of_neighbours_know_nothing_of_each_other(step, dim, cells):
+    x, y = np.meshgrid(*[np.arange(256, dtype=np.uint64)] * 2)
+    here = twin.owen_sobol(4, x, y, np.uint64(0), dim)
+    there = twin.owen_sobol(4, x + np.uint64(step[0]), y + np.uint64(step[1]), np.uint64(0), dim)
+    counts, _, _ = np.histogram2d(here.ravel(), there.ravel(), bins=cells, range=[(0, 1), (0, 1)])
+    chi2, freedom = np.sum((counts - counts.mean()) ** 2) / counts.mean(), cells**2 - 1
+    assert (chi2 - freedom) / np.sqrt(2 * freedom) < 4.4
+
+
+@pytest.mark.parametrize("pixel", PIXELS)
+def test_sobol_points_come_in_pairs_that_mirror_each_other(pixel):
+    u = points("sobol", *pixel, 64)
+    np.testing.assert_array_equal(u[::2] + u[1::2], 1 - 2.0**-24)
+
+
 @pytest.mark.parametrize("sampler", ["independent", "sobol", "stratified"])
 def test_numbers_are_uniform_over_the_film(sampler):
     u = twin.film_points(sampler, 5, 4, (0, 0, 64, 64)) % 1
     counts, _, _ = np.histogram2d(u[..., 0].ravel(), u[..., 1].ravel(), bins=8, range=[(0, 1), (0, 1)])
     chi2 = np.sum((counts - counts.mean()) ** 2) / counts.mean()
-    assert chi2 < 103.4  # 63 degrees of freedom, alpha = 0.001; stratification only makes it smaller
+    assert chi2 < 133  # 63 degrees of freedom; of mirrored pairs 32, each twice: alpha is 1e-5
 
 
 def test_neighbours_in_every_argument_are_uncorrelated():
