@@ -135,7 +135,7 @@ def smooth_errors(points):
     [("independent", -0.5, -0.5), ("stratified", -0.75, -1.0), ("sobol", -0.75, -1.33)],
 )
 def test_errors_converge_as_theory_has_it(sampler, edge, smooth):
-    """Nets: n^-3/4 for edges [He2015], n^-3/2 log(n)^1/2 for what is smooth [Owen1997]: -1.33 over these n. Jitter: -1."""
+    """Nets: n^-3/4 for edges [He2015], n^-3/2 log(n)^1/2 for what is smooth [Owen1997], -1.33 here. Jitter: n^-1."""
     assert order(sampler, edge_errors) == pytest.approx(edge, abs=0.05)
     assert order(sampler, smooth_errors) == pytest.approx(smooth, abs=0.1)
 
