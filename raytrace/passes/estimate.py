@@ -28,7 +28,7 @@ class Model(NamedTuple):
     block: int  # samples that belong together: what less than a block says counts only where there is nothing else
 
 
-MODELS = {"sobol": Model(1.55, 2), "stratified": Model(1.4, 1), "independent": Model(1.0, 1)}
+MODELS = {"sobol": Model(1.6, 2), "stratified": Model(1.4, 1), "independent": Model(1.0, 1)}
 
 
 def estimate(film: Film, first: int, last: int, model: Model, shown: NDArray[np.float64]) -> None:
