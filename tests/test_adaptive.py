@@ -119,7 +119,7 @@ def test_a_pixel_half_on_either_side_of_an_edge_is_not_taken_for_a_slope():
     search = search_of(picture, 0.0)
     chosen = pixels_of(search, search.parts(), picture.shape)
     assert np.flatnonzero(chosen.all(axis=0)).tolist() == [19, 20, 21]
-    share = LUCK * EDGE / (1 + LUCK) * 3 * 0.25 * 4.0**-MODELS["sobol"].order
+    share = LUCK * EDGE / (1 + LUCK) * 3 * 0.25 * 4.0 ** -MODELS["sobol"].order
     hidden = 3 * 0.25 / (9 * 4**3)
     assert search.error == pytest.approx(np.sqrt((share + 3 * hidden) / 40), rel=1e-6)
 

@@ -12,6 +12,7 @@ from raytrace.reporting.measure import Point
 from raytrace.reporting.ways import Way
 
 COLOURS = {"sobol": "#0072b2", "stratified": "#009e73", "independent": "#d55e00"}  # told apart by the colour-blind
+OTHER = "#555555"
 SIZE, DPI = (9.6, 6.0), 110  # inches; dots per inch of the PNG
 STYLE: Any = {
     "font.size": 13,
@@ -80,7 +81,11 @@ def _look(way: Way) -> dict[str, Any]:
         dashes, marker = ":", "^"
     if way.tree != "sah":
         dashes, marker = ":", {"median": "v", "none": "X"}[way.tree]
-    return {"color": COLOURS[way.sampler] if not way.adaptive else "#cc79a7", "linestyle": dashes, "marker": marker}
+    return {
+        "color": "#cc79a7" if way.adaptive else COLOURS.get(way.sampler, OTHER),
+        "linestyle": dashes,
+        "marker": marker,
+    }
 
 
 def _against_time(points: Sequence[Point], front: Sequence[bool], title: str) -> Any:
