@@ -35,9 +35,10 @@ def curve(window: Window) -> NDArray[np.int64]:
     return y[inside] * window.width + x[inside]
 
 
-def pieces(pixels: int) -> list[slice]:
-    """Pixels of a film, as many together as a tile has."""
-    return [slice(k, min(k + TILE**2, pixels)) for k in range(0, pixels, TILE**2)]
+def pieces(pixels: int, at_least: int) -> list[slice]:
+    """Pixels of a film, as many together as a tile has, or as tiles with so many do."""
+    step = TILE**2 * max(1, at_least // TILE**2)
+    return [slice(k, min(k + step, pixels)) for k in range(0, pixels, step)]
 
 
 def rounds(spp: int, hasty: bool) -> list[tuple[int, int]]:

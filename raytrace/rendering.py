@@ -166,11 +166,15 @@ class _Job:
     def _draw_all(self, threads: int, hasty: bool) -> bool:
         """Draw round after round: a pixel's samples are summed in their order, so no tile may be in two at once."""
         spp = self.settings.spp if self.target is None else min(adaptive.FIRST, self.settings.spp)
-        areas, ranges = pieces(len(self.film.samples)), rounds(spp, hasty)
-        for number, samples in enumerate(ranges):
-            parts = [Part(*samples, pixels) for pixels in areas]
-            if not self._draw_parts(parts, threads, number * len(parts), len(ranges) * len(parts)):
+        pixels, done = len(self.film.samples), 0
+        drawn = [
+            [Part(first, last, piece) for piece in pieces(pixels, BATCH // (last - first))]
+            for first, last in rounds(spp, hasty)
+        ]
+        for parts in drawn:
+            if not self._draw_parts(parts, threads, done, sum(map(len, drawn))):
                 return False
+            done += len(parts)
         return int(self.film.samples.min()) == spp
 
     def _draw_parts(self, parts: Sequence[Part], threads: int, before: int, total: int) -> bool:
@@ -240,7 +244,8 @@ class _Job:
         m, place = len(self.at), inverse(self.at)
         variance, squares = self.film.variance[place], self.film.error[place]
         self.samples[:] = self.film.samples[place].reshape(self.samples.shape)
-        rgb = np.ascontiguousarray(means(self.film, m).astype(np.float32)[:, place].T)
+        rgb = np.empty((m, 3), np.float32)
+        rgb[self.at] = means(self.film, m).T.astype(np.float32, order="C")
         seconds = time.perf_counter() - self.began
         passes: defaultdict[str, float] = defaultdict(float)
         rays: Counter[str] = Counter()

@@ -33,10 +33,11 @@ def test_an_inverse_undoes():
 
 
 @pytest.mark.parametrize("pixels", [16, TILE**2, TILE**2 + 16, 5 * TILE**2])
-def test_pieces_hold_every_pixel_once(pixels):
-    slices = pieces(pixels)
+@pytest.mark.parametrize(("at_least", "tiles"), [(0, 1), (TILE**2, 1), (3 * TILE**2 + 5, 3)])
+def test_pieces_hold_every_pixel_once(pixels, at_least, tiles):
+    slices = pieces(pixels, at_least)
     assert np.concatenate([np.arange(pixels)[piece] for piece in slices]).tolist() == list(range(pixels))
-    assert max(piece.stop - piece.start for piece in slices) <= TILE**2
+    assert max(piece.stop - piece.start for piece in slices) == min(pixels, tiles * TILE**2)
 
 
 @pytest.mark.parametrize("spp", [1, 2, 3, 8, 100])
