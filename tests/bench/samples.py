@@ -1,4 +1,4 @@
-"""What was tried on samples of the Cornell box: neighbours that share one net, and edges whose places are known."""
+"""What was tried on samples of the Cornell box: several nets, one for neighbours, and edges whose places are known."""
 
 import sys
 from collections import defaultdict
@@ -53,12 +53,53 @@ class Box:
         return screen(np.mean([rt.render(self.scene, seed=10**6 + k, **ask).rgb.astype(float) for k in (0, 1)], axis=0))
 
 
-# --- one net for neighbours ------------------------------------------------------------------------------------------
+# --- mirrored pairs --------------------------------------------------------------------------------------------------
 
 
 def apart(side: int, seed: int, spp: int) -> np.ndarray:
     """The samples of ``sobol``: pixels know nothing of each other."""
     return points.film_points("sobol", seed, spp, (0, 0, side, side))
+
+
+def unmirrored(side: int, seed: int, spp: int) -> np.ndarray:
+    """The same points, scrambled in the usual way."""
+    y, x, sample = np.meshgrid(*(np.arange(n, dtype=np.uint64) for n in (side, side, spp)), indexing="ij")
+    bits = [points.owen_scramble(points.sobol_raw(sample, dim), points.key(seed, x, y, dim)) for dim in (0, 1)]
+    return np.stack([x + points.to_unit(bits[0]), y + points.to_unit(bits[1])], axis=-1)
+
+
+def compare_pairs(box: Box, truth: np.ndarray, seeds: int) -> list[dict[str, Any]]:
+    """RMSE on a screen of all pixels, and of the half of them in which it is smallest."""
+    rows = []
+    for spp in COUNTS:
+        for name, way in (("mirrored", apart), ("unmirrored", unmirrored)):
+            off = [screen(box.shade(way(box.side, seed, spp)).mean(axis=2)) - truth for seed in range(seeds)]
+            squares = np.sort(np.mean(np.square(off), axis=(0, 3)).ravel())
+            rmse = [float(np.sqrt(part.mean())) for part in (squares, squares[: squares.size // 2])]
+            rows.append({"spp": spp, "pairs": name, "RMSE": rmse[0], "of the better half": rmse[1]})
+    return rows
+
+
+# --- several nets for a pixel ----------------------------------------------------------------------------------------
+
+
+def compare_several(box: Box, truth: np.ndarray, seeds: int) -> list[dict[str, Any]]:
+    """RMSE on a screen of the mean of several nets with as many samples together, over that of one."""
+    rows = []
+    for nets in (1, 2, 4, 8):
+        row: dict[str, Any] = {"nets": nets}
+        for spp in (16, 64, 256):
+            squares = []
+            for seed in range(seeds):
+                ask = {"spp": spp // nets, "size": (box.side, box.side)}
+                parts = [rt.render(box.scene, seed=nets * seed + k, **ask).rgb.astype(float) for k in range(nets)]
+                squares.append(np.mean((screen(np.mean(parts, axis=0)) - truth) ** 2))
+            row[f"{spp} spp"] = float(np.sqrt(np.mean(squares)))
+        rows.append(row)
+    return [{name: row[name] if name == "nets" else row[name] / rows[0][name] for name in row} for row in rows]
+
+
+# --- one net for neighbours ------------------------------------------------------------------------------------------
 
 
 def of_one_net(side: int, seed: int, spp: int) -> np.ndarray:
@@ -173,7 +214,11 @@ def compare_edges(box: Box, truth: np.ndarray, seeds: int) -> tuple[list[dict[st
             squares.append([np.mean((screen(picture) - truth) ** 2) for picture in (plain, better)])
         rmse = np.sqrt(np.mean(squares, axis=0)).tolist()
         rows.append({"spp": spp, "RMSE": rmse[0], "by areas": rmse[1], "ratio": rmse[0] / rmse[1]})
-    about = {"lines": len(found), "pixels": len(pixels), "lines a pixel": float(np.mean([len(c) for c in pixels.values()]))}
+    about = {
+        "lines": len(found),
+        "pixels": len(pixels),
+        "lines a pixel": float(np.mean([len(c) for c in pixels.values()])),
+    }
     return rows, about
 
 
@@ -183,13 +228,19 @@ def main() -> None:
     args = options.parse_args()
     found, box = begin(), Box(args.size)
     truth = box.truth()
+    pairs = compare_pairs(box, truth, args.rounds)
+    show("Mirrored pairs: RMSE on a screen, and of the half of the pixels in which it is smallest:\n")
+    table(list(pairs[0]), (list(row.values()) for row in pairs))
+    several = compare_several(box, truth, args.rounds)
+    show("Several nets instead of one for each pixel: RMSE on a screen, times that of one:\n")
+    table(list(several[0]), (list(row.values()) for row in several))
     nets = compare_nets(box, truth, args.rounds)
     show("Neighbours' samples: RMSE on a screen, and of what is left after a Gaussian blur, pixels:\n")
     table(list(nets[0]), (list(row.values()) for row in nets))
     edges, about = compare_edges(box, truth, args.rounds)
     show(f"Parts of pixels that count by their exact areas; {about}:\n")
     table(list(edges[0]), (list(row.values()) for row in edges))
-    finish(args, found, {"nets": nets, "edges": edges, "lines": about})
+    finish(args, found, {"pairs": pairs, "several": several, "nets": nets, "edges": edges, "lines": about})
 
 
 if __name__ == "__main__":
