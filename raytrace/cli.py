@@ -157,6 +157,8 @@ def _report(args: Namespace) -> int:
     from raytrace.reporting.sweep import report
 
     if args.hard_cases:
+        if args.scene:
+            raise ArgumentError(None, "report: a scene or --hard-cases, not both")
         return _hard_cases(args.output)
     if not args.scene:
         raise ArgumentError(None, "report: which scene? raytrace report scene.json -o DIR (or --hard-cases)")

@@ -106,7 +106,8 @@ def _against_samples(points: Sequence[Point], orders: Sequence[Order], title: st
     for way, curve in curves_of(points).items():
         label = way.name + (f": spp^{fits[way].order:.2f}" if way in fits else "")
         look = _look(way)
-        axes.plot([p.spp for p in curve], [p.rmse_srgb for p in curve], label=label, **look | {"linestyle": ""})
+        line = look["linestyle"] if way.adaptive else ""
+        axes.plot([p.spp for p in curve], [p.rmse_srgb for p in curve], label=label, **look | {"linestyle": line})
         if way in fits:
             x = np.array([min(p.spp for p in curve), max(p.spp for p in curve)])
             axes.plot(x, fits[way].at_one * x ** fits[way].order, color=look["color"], linestyle=look["linestyle"])
