@@ -213,7 +213,7 @@ class _Job:
         if isinstance(pixels, slice):
             self._add(part, self.film, pixels.start, self.x[pixels], self.y[pixels])
             return
-        padded = np.pad(pixels, (0, -len(pixels) % PACKET), "edge")
+        padded = np.append(pixels, np.repeat(pixels[-1:], -len(pixels) % PACKET))
         film = taken(self.film, padded)
         self._add(part, film, 0, self.x[padded], self.y[padded])
         put(self.film, pixels, film)
