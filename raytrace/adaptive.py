@@ -3,40 +3,124 @@
 import numpy as np
 from numpy.typing import NDArray
 
-FIRST = 4  # samples of every pixel before any decision: one in each bin of the film
+from raytrace.accel.lanes import PACKET
+from raytrace.parts import Part, grown, inverse
+from raytrace.passes.edges import edges
+from raytrace.passes.estimate import Model
+from raytrace.passes.film import BINS, Film
+from raytrace.records import Window
+
+FIRST = 4  # samples of every pixel before any decision
 CAP = 4096  # samples of a pixel unless the caller says how many
-MEMORY = 0.7  # of what is known of a pixel is kept when a round adds to it: three contrasts alone are too often lucky
+LEAP = 2  # doublings of a pixel's samples that are risked at a time
+LUCK = 0.5  # contrasts that what the neighbours foretell of a pixel counts for: its own alone are too often lucky
+EDGE = 0.2  # what they foretell: variance of one sample, where an edge runs between neighbours so far apart; measured
+AIM = 0.9  # of the squared error that is left: what falls short by a little costs a round
+MEMORY = 7.0  # contrasts that what is known of a pixel counts for at most when a round adds three
+EIGHTHS = 49  # bits of a float64 below its exponent and three binary digits: eight bins an octave
 
 
-def hidden(picture: NDArray[np.floating], samples: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Squared error that n samples may hide though they agree, (h, w): (largest step to a neighbour)^2 / (3 n^3).
-
-    An edge that enters the pixel by an area a is missed by n evenly spread samples if a < 1 / n. With areas evenly
-    distributed that has the probability 1 / n, and (a step)^2 is then step^2 / (3 n^2) on average. Whatever is near
-    can be seen in the neighbours: edges of shapes, of shadows and of what glass shows.
+class Search:
+    """What is known of the error of every pixel, and where samples go next.
 
     Parameters
     ----------
-    picture : (h, w, 3) float32 array
-        As shown: sRGB, 0..1.
-    samples : (h, w) array
+    film : Film
+        Of the pixels ``at``.
+    at : (m,) array of int
+        Their places in the window, row after row.
+    window : Window
+    model : Model
+        Of the sampler.
+    target : float
+        Error of the picture that is wanted.
+    cap : int
+        Samples that no pixel exceeds.
+
+    Attributes
+    ----------
+    error : float
+        Estimated RMSE of the picture as shown; NaN before anything is known.
     """
-    padded = np.pad(picture, ((1, 1), (1, 1), (0, 0)), "edge")
-    step = np.maximum(_around(padded, np.maximum) - picture, picture - _around(padded, np.minimum))
-    step *= step
-    return (step[..., 0] + step[..., 1] + step[..., 2]) / (9.0 * samples.astype(np.float64) ** 3)
+
+    def __init__(
+        self, film: Film, at: NDArray[np.int64], window: Window, model: Model, target: float, cap: int
+    ) -> None:
+        self.film, self.model, self.target, self.cap, self.error = film, model, target, cap, float("nan")
+        self._at, self._place, self._width = at, inverse(at), window.width
+        self._columns = -(-(window.width + 2) // PACKET) * PACKET
+        y, x = np.divmod(at, window.width)
+        self._spot = (y + 2) * self._columns + x + 1
+        size = (window.height + 4) * self._columns
+        self._picture, self._edges = np.zeros((3, size)), np.zeros((3, size))
+        self._samples = np.zeros(len(at), np.int32)
+        self._scale, self._told = np.zeros((2, len(at)))  # error ~ scale samples^-order, and contrasts that said so
+        self._own, self._between, self._step = np.zeros(
+            (3, len(at))
+        )  # error, and what neighbours' differences add to it
+        self._new: NDArray[np.int64] | slice = np.s_[:]
+
+    def show(self, pixels: NDArray[np.int64] | slice, shown: NDArray[np.float64]) -> None:
+        """Take in means of pixels of the film as shown, (3, m)."""
+        spot = self._spot[pixels]
+        for channel, values in zip(self._picture, shown, strict=True):
+            channel[spot] = values[: len(spot)]
+
+    def parts(self) -> list[Part]:
+        """Take in what the last round found; what to draw next, or nothing if the target is met or none may have more.
+
+        All sums are over pixels in the order of the picture, so that they do not depend on that of the film.
+        """
+        self._take_in(self._new)
+        step, between = self._neighbours()
+        error = self._own + self._between * between + self._step * step
+        self.error = float(np.sqrt(error.mean()))
+        doublings = choose(error, self._samples, self.target, self.cap, self.model.order)
+        self._new = new = np.flatnonzero(doublings)
+        chosen = np.sort(self._place[new])
+        before, times = self.film.samples[chosen], doublings[self._at[chosen]]
+        return list(grown(chosen, before, np.minimum(before << times, self.cap)))
+
+    def _take_in(self, new: NDArray[np.int64] | slice) -> None:
+        """What is known of pixels of the picture that were drawn again: the mean of all rounds, but for the oldest."""
+        place = self._place[new]
+        self._samples[new] = n = self.film.samples[place]
+        n = n[: 1 if (n == n[0]).all() else None].astype(np.float64)  # the same arithmetic on fewer numbers
+        rises, before, told = n**self.model.order, self._told[new], np.where(n < BINS * self.model.block, 1.0, 3.0)
+        scale = (before * self._scale[new] + told * self.film.error[place] * rises) / (before + told)
+        told = np.minimum(before + told, MEMORY)
+        self._scale[new], self._told[new] = scale, told
+        share = 1 / (rises * (told + LUCK))
+        self._own[new], self._between[new], self._step[new] = told * scale * share, LUCK * EDGE * share, 1 / (9 * n**3)
+
+    def _neighbours(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Largest step to a neighbour, and how far pixels lie between two of them, in any round; no even slopes.
+
+        Both squared and summed over the channels. A pixel that lies half on either side of an edge is not bent, but its
+        neighbours are.
+        """
+        rows = self._picture.reshape(3, -1, self._columns)[..., : self._width + 2]
+        _extend(rows.transpose(2, 0, 1)[:, :, 2:-2])
+        _extend(rows.transpose(1, 0, 2)[1:-1])
+        edges(self._picture.reshape(-1), self._columns, *self._edges)
+        steps, bends, between = self._edges.reshape(3, -1, self._columns)[..., : self._width + 2]
+        bends[:, 0] = bends[:, -1] = 0.0  # beside the picture
+        bent = np.maximum(np.maximum(bends[1:-3], bends[2:-2]), bends[3:-1])
+        bent = np.maximum(np.maximum(bent[:, :-2], bent[:, 1:-1]), bent[:, 2:])
+        inner = np.s_[2:-2, 1:-1]
+        return np.minimum(steps[inner], bent).ravel(), np.minimum(between[inner], bent).ravel()
 
 
-def _around(padded: NDArray[np.floating], extreme: np.ufunc) -> NDArray[np.floating]:
-    """Extreme of the 3 x 3 pixels around each."""
-    rows = extreme(extreme(padded[:-2], padded[1:-1]), padded[2:])
-    return extreme(extreme(rows[:, :-2], rows[:, 1:-1]), rows[:, 2:])
+def _extend(rows: NDArray[np.float64]) -> None:
+    """Give the first and the last row what an even slope would have there."""
+    for edge, inner, further in ((0, 1, 2), (-1, -2, -3)):
+        rows[edge] = 2 * rows[inner] - rows[further if len(rows) > 3 else inner]
 
 
 def choose(
     error: NDArray[np.float64], samples: NDArray[np.int32], target: float, cap: int, order: float
-) -> NDArray[np.int64]:
-    """Pixels whose samples are doubled next; none where the target is met, or no pixel may have more.
+) -> NDArray[np.int32]:
+    """How many times the samples of each pixel are doubled next; nowhere if the target is met, or none may have more.
 
     Parameters
     ----------
@@ -51,25 +135,38 @@ def choose(
 
     Notes
     -----
-    The fewest samples n whose sum of error meets a bound have the same gain per sample everywhere, error n^-1 = level
-    with error taken at n (Lagrange). A pixel is at n = samples (error / samples / level)^(1 / (order + 1)) then;
-    where that is nearer to twice than to what it has, it is doubled and judged anew; at last only as many as suffice.
+    The fewest samples n whose sum of error meets a bound have the same gain per sample everywhere, error / n = level
+    with the error at n (Lagrange). Where that is so at n = samples (error / samples / level)^(1 / (order + 1)), n is
+    rounded to doublings, and judged anew when they are drawn; at last only as many are doubled as suffice. The level is
+    found from sums over pixels whose error / samples are equal to an eighth of an octave.
     """
-    able = np.flatnonzero((samples < cap) & (error > 0))
-    budget = target**2 * len(error) - error[samples >= cap].sum()
+    able = samples < cap
+    left = error if able.all() else np.where(able, error, 0.0)
+    budget = target**2 * len(error) - float((error - left).sum())
     if budget <= 0:
-        budget = target**2 * max(int((samples < cap).sum()), 1)
-    if error[able].sum() <= budget:
-        return able[:0]
-    growth = np.log(error[able] / samples[able]) / (order + 1)  # of the logarithm of samples, minus that of the level
-    by_growth = np.argsort(-growth, kind="stable")
-    able, growth = able[by_growth], growth[by_growth]
-    error = error[able]
-    grown = np.cumsum(error * np.exp(-order * growth))  # of the first k pixels, all taken to the level 1
-    rest = error.sum() - np.cumsum(error)
-    met = np.flatnonzero(grown * np.exp(order * growth) + rest <= budget)
-    last = max(met[0] - 1, 0) if len(met) else len(able) - 1
-    level = np.log(max(budget - rest[last], np.finfo(float).tiny) / grown[last]) / order
-    many = int((growth > level + np.log(2.0) / 2).sum()) or len(able)
-    enough = np.flatnonzero(2.0**-order * np.cumsum(error) + rest <= budget)
-    return able[: min(many, enough[0] + 1) if len(enough) else many]
+        budget = target**2 * max(int(able.sum()), 1)
+    if not left.sum() > budget:  # nor where nothing is known
+        return np.zeros(len(error), np.int32)
+    budget *= AIM
+    ratio = left / samples
+    bins = ratio.view(np.int64) >> EIGHTHS
+    least = int(bins[left > 0].min())
+    sums = np.bincount(np.maximum(bins - least, 0), left)[::-1]  # of the largest ratios first
+    lowest = ((np.arange(len(sums))[::-1] + least) << EIGHTHS).view(np.float64)
+    middle = lowest * (1 + 1 / 16)
+    rest = float(sums.sum()) - np.cumsum(sums)  # of all smaller ratios
+    share = order / (order + 1)
+    taken = np.cumsum(sums * middle**-share)  # of these and all larger ratios, at the level 1
+    met = np.flatnonzero(taken * middle**share + rest <= budget)
+    last = max(int(met[0]) - 1, 0) if len(met) else len(sums) - 1
+    level = (max(budget - rest[last], np.finfo(float).tiny) / taken[last]) ** (1 / share)
+    often = level * 2.0 ** ((order + 1) * (np.arange(LEAP) + 0.5))  # from where on n is nearer to one more doubling
+    enough = np.flatnonzero(2.0**-order * np.cumsum(sums) + rest <= budget)
+    first = float(lowest[enough[0]]) if len(enough) else 0.0
+    often = np.maximum(often, first)
+    if often[0] > ratio.max():
+        often[0] = first
+    doublings = np.zeros(len(error), np.int32)
+    for least_ratio in often:
+        doublings += able & (ratio >= least_ratio)
+    return doublings

@@ -95,7 +95,9 @@ def _render(args: Namespace) -> int:
     if image.complete and image.stats["target_reached"] is False:
         say(f"target error {args.target_error:g} not reached with {image.provenance['spp']} samples a pixel")
     if reporter.last:
-        say(f"{seconds:.2f} s, {speed(reporter.last)}, estimated error {image.stats['estimated_error']:.2g}")
+        error = image.stats["estimated_error"]
+        known = f"estimated error {error:.2g}" if error == error else "error unknown"  # of one sample a pixel
+        say(f"{seconds:.2f} s, {speed(reporter.last)}, {known}")
     if args.json:
         outcome = {"path": str(path), "seconds": seconds, "complete": image.complete}
         _print_json(outcome | {"stats": image.stats, "provenance": image.provenance})
@@ -161,6 +163,8 @@ def _report(args: Namespace) -> int:
     from raytrace.reporting.sweep import report
 
     if args.hard_cases:
+        if args.scene:
+            raise ArgumentError(None, "report: a scene or --hard-cases, not both")
         return _hard_cases(args.output)
     if not args.scene:
         raise ArgumentError(None, "report: which scene? raytrace report scene.json -o DIR (or --hard-cases)")

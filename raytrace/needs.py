@@ -16,7 +16,9 @@ from raytrace.accel.grow import Part, grow, make_binary, make_scratch
 from raytrace.accel.lanes import NODE, PACKET
 from raytrace.accel.layout import make_leaves, make_nodes
 from raytrace.passes.camera import camera_rays, make_view
-from raytrace.passes.film import BINS, accumulate
+from raytrace.passes.edges import edges
+from raytrace.passes.estimate import errors
+from raytrace.passes.film import accumulate, make_film
 from raytrace.passes.light import background, reflect_light, shadow_rays
 from raytrace.passes.refraction import land, refract_rays
 from raytrace.passes.sampling import make_sampler
@@ -41,6 +43,7 @@ class Picture(NamedTuple):
     lit: bool = True  # there is a light
     large: bool = False  # a mesh has more than `FEW` triangles
     layers: bool = False  # there are layers (AOVs)
+    aimed: bool = False  # an error is wanted
 
 
 def needs(picture: Picture) -> list[Call]:
@@ -54,6 +57,8 @@ def needs(picture: Picture) -> list[Call]:
         calls += _building(np.dtype(picture.precision), stage.bvh.triangle)
     if picture.layers:
         calls += _sorting(stage.bvh)
+    if picture.aimed:
+        calls.append((edges, (np.zeros(0), 0, np.zeros(0), np.zeros(0), np.zeros(0))))
     return calls
 
 
@@ -125,7 +130,9 @@ def tracing(front: Wavefront) -> Iterator[Call]:
         yield surface, (stage.shading, stage.normals, samples.d, samples.hits, front.points)
         yield shadow_rays, (front.points, colour, front.shadows)
         yield reflect_light, (stage.shading, front.points, front.shadows, colour, front.radiance)
-    yield accumulate, (front.radiance, 0, np.zeros((3 * BINS, PACKET)))
+    film = make_film(PACKET)
+    yield accumulate, (front.radiance, 0, film.sums, 0, PACKET)
+    yield errors, (film.sums.reshape(-1), 0, np.zeros(7), np.zeros(3 * PACKET), film.variance, film.error)
     yield background, (samples.hits, front.radiance, colour)
     if stage.plan.refraction:
         yield land, (samples, 0, samples)

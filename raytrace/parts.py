@@ -17,21 +17,28 @@ class Part(NamedTuple):
 
     first: int
     last: int  # the one after the last
-    pixels: NDArray[np.int64]  # (m,), row after row of the window
+    pixels: slice | NDArray[np.int64]  # of the film, whole packets of them if a slice; in the order of ``curve``
 
 
-def tiles(window: Window) -> list[NDArray[np.int64]]:
-    """Pixels of each tile, along a Z curve: any packet is a compact block   [Morton1966]."""
+def curve(window: Window) -> NDArray[np.int64]:
+    """Pixels of a window, row after row, in the order of a Z curve through each tile, one tile after the other.
+
+    So any packet is a compact block   [Morton1966].
+    """
     y, x = np.mgrid[0:TILE, 0:TILE]
-    curve = sum(((x >> bit & 1) << 2 * bit) | ((y >> bit & 1) << 2 * bit + 1) for bit in range(TILE.bit_length() - 1))
-    order = np.argsort(np.ravel(curve))
+    place = sum(((x >> bit & 1) << 2 * bit) | ((y >> bit & 1) << 2 * bit + 1) for bit in range(TILE.bit_length() - 1))
+    order = np.argsort(np.ravel(place))
     x, y = x.ravel()[order], y.ravel()[order]
-    parts = []
-    for top in range(0, window.height, TILE):
-        for left in range(0, window.width, TILE):
-            inside = (x < window.width - left) & (y < window.height - top)
-            parts.append((y[inside] + top) * window.width + (x[inside] + left))
-    return parts
+    tops, lefts = np.mgrid[0 : window.height : TILE, 0 : window.width : TILE].reshape(2, -1, 1)
+    x, y = (lefts + x).ravel(), (tops + y).ravel()
+    inside = (x < window.width) & (y < window.height)
+    return y[inside] * window.width + x[inside]
+
+
+def pieces(pixels: int, at_least: int) -> list[slice]:
+    """Pixels of a film, as many together as a tile has, or as tiles with so many do."""
+    step = TILE**2 * max(1, at_least // TILE**2)
+    return [slice(k, min(k + step, pixels)) for k in range(0, pixels, step)]
 
 
 def rounds(spp: int, hasty: bool) -> list[tuple[int, int]]:
@@ -42,8 +49,17 @@ def rounds(spp: int, hasty: bool) -> list[tuple[int, int]]:
     return list(pairwise(bounds))
 
 
-def doubled(pixels: NDArray[np.int64], samples: NDArray[np.int32], cap: int) -> Iterator[Part]:
-    """As many samples again for each pixel, in parts of pixels that have the same number of them."""
-    for n in np.unique(samples).tolist():
-        same = pixels[samples == n]
-        yield from (Part(n, min(2 * n, cap), same[k : k + TILE**2]) for k in range(0, len(same), TILE**2))
+def grown(pixels: NDArray[np.int64], samples: NDArray[np.int32], wanted: NDArray[np.int32]) -> Iterator[Part]:
+    """More samples of pixels, in parts of pixels that have the same number of them and want the same."""
+    kind = samples.astype(np.int64) << 32 | wanted
+    for each in np.unique(kind).tolist():
+        same = pixels[kind == each]
+        for k in range(0, len(same), TILE**2):
+            yield Part(each >> 32, each & 0xFFFFFFFF, same[k : k + TILE**2])
+
+
+def inverse(order: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The permutation that undoes another."""
+    places = np.empty_like(order)
+    places[order] = np.arange(len(order))
+    return places

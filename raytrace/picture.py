@@ -58,7 +58,7 @@ class Render:
     rgb : (h, w, 3) float32 array
         Linear radiance, row 0 at the top; 0 where no sample was taken.
     stderr : (h, w) float32 array
-        Estimated standard error of the pixel's luminance, for the sampler that was used: from four samples on, the
+        Estimated standard error of the pixel's luminance, for the sampler that was used: from eight samples on, the
         truth lies within 3.18 of them in 95 % of cases (Student's t, 3 degrees of freedom). NaN with fewer than two.
     aov : Mapping
         Layers "depth", "normal", "albedo", "prim_id", "position", "samples", computed when asked for.

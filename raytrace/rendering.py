@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 import raytrace
 from raytrace import adaptive, parallel
 from raytrace.accel.build import FEW
-from raytrace.accel.lanes import BITS, PACKET
-from raytrace.estimate import ORDER, Estimate, Film, displayed, estimate, root_mean
+from raytrace.accel.lanes import PACKET
 from raytrace.jit import load_all, on_compile
 from raytrace.needs import Picture, compile_ahead, tracing
 from raytrace.options import deadline_after, error_wanted, layers_of, override, window_of
-from raytrace.parts import Part, doubled, rounds, tiles
+from raytrace.parts import Part, curve, inverse, pieces, rounds
 from raytrace.passes.camera import make_view
-from raytrace.passes.film import BINS
+from raytrace.passes.estimate import MODELS, estimate, root_mean
+from raytrace.passes.film import Film, make_film, means, put, taken
 from raytrace.passes.sampling import make_sampler
 from raytrace.picture import Layers, Render, trace_layers
 from raytrace.records import Scene, Settings, Window
@@ -130,11 +130,16 @@ class _Job:
         self.scene, self.settings, self.window, self.target, self.progress = scene, settings, window, target, progress
         self.plan = make_plan(scene)
         self.precision = self.plan.precision.name if settings.precision == "auto" else settings.precision
-        self.order = ORDER[settings.sampler]
-        pixels = window.width * window.height
-        self.film = Film(np.zeros((3 * BINS, pixels)), np.zeros(pixels, np.int32))
-        self.layers = Layers(self.film.samples.reshape(window.height, window.width), self._trace_layers)
-        self.error: float | None = None  # of the picture, where the target made it known
+        self.model = MODELS[settings.sampler]
+        self.at = curve(window)
+        self.film = make_film(len(self.at))
+        y, x = np.divmod(np.pad(self.at, (0, len(self.film.samples) - len(self.at)), "edge"), window.width)
+        self.x, self.y = (x + window.x).astype(np.uint32), (y + window.y).astype(np.uint32)
+        self.search = None
+        if target is not None:
+            self.search = adaptive.Search(self.film, self.at, window, self.model, target, settings.spp)
+        self.samples = np.zeros((window.height, window.width), np.int32)
+        self.layers = Layers(self.samples, self._trace_layers)
         self.began = time.perf_counter()
         self._local = threading.local()
         self._cancelled = threading.Event()
@@ -151,7 +156,7 @@ class _Job:
                 self._load_kernels()
                 self._drawing = time.perf_counter()
                 all_drawn = self._draw_all(threads, hasty=time_limit < np.inf)
-                complete = all_drawn and (self.target is None or self._refine(threads, self.target))
+                complete = all_drawn and (self.search is None or self._refine(threads, self.search))
                 for name in layers:
                     self.layers[name]
             except KeyboardInterrupt:
@@ -165,42 +170,29 @@ class _Job:
     def _draw_all(self, threads: int, hasty: bool) -> bool:
         """Draw round after round: a pixel's samples are summed in their order, so no tile may be in two at once."""
         spp = self.settings.spp if self.target is None else min(adaptive.FIRST, self.settings.spp)
-        areas, ranges = tiles(self.window), rounds(spp, hasty)
-        for number, samples in enumerate(ranges):
-            parts = [Part(*samples, pixels) for pixels in areas]
-            if not self._draw_parts(parts, threads, number * len(parts), len(ranges) * len(parts)):
+        pixels, done = len(self.film.samples), 0
+        drawn = [
+            [Part(first, last, piece) for piece in pieces(pixels, BATCH // (last - first))]
+            for first, last in rounds(spp, hasty)
+        ]
+        for parts in drawn:
+            if not self._draw_parts(parts, threads, done, sum(map(len, drawn))):
                 return False
+            done += len(parts)
         return int(self.film.samples.min()) == spp
 
     def _draw_parts(self, parts: Sequence[Part], threads: int, before: int, total: int) -> bool:
         report = partial(self._report, before, total)
         return parallel.run(self._draw, parts, threads, self._over, report, self._cancelled.set)
 
-    def _refine(self, threads: int, target: float) -> bool:
-        """Double the samples of pixels round after round, until the error of the picture meets the target."""
-        samples, order, cap, done = self.film.samples, np.concatenate(tiles(self.window)), self.settings.spp, 0
-        shape = self.window.height, self.window.width
-        known = self._estimate()
-        shown, scale = displayed(known.rgb), known.shown * float(samples[0]) ** self.order
-        while True:
-            unseen = adaptive.hidden(shown.reshape(*shape, 3), samples.reshape(shape)).ravel()
-            error = scale / samples**self.order + unseen
-            self.error = float(np.sqrt(error.mean()))
-            chosen = np.zeros(len(samples), np.bool_)
-            chosen[adaptive.choose(error, samples, target, cap, self.order)] = True
-            pixels = order[chosen[order]]
-            parts = list(doubled(pixels, samples[pixels], cap))
-            if not parts or not self._draw_parts(parts, threads, done, done + len(parts)):
-                return not parts
+    def _refine(self, threads: int, search: adaptive.Search) -> bool:
+        """Give more samples to pixels round after round, until the error of the picture meets the target."""
+        done = 0
+        while parts := search.parts():
+            if not self._draw_parts(parts, threads, done, done + len(parts)):
+                return False
             done += len(parts)
-            known = self._estimate(pixels)
-            shown[pixels] = displayed(known.rgb)
-            scale[pixels] *= adaptive.MEMORY
-            scale[pixels] += (1 - adaptive.MEMORY) * known.shown * samples[pixels] ** self.order
-
-    def _estimate(self, pixels: NDArray[np.int64] | slice = np.s_[:]) -> Estimate:
-        """Estimate some pixels, or all."""
-        return estimate(Film(self.film.sums[:, pixels], self.film.samples[pixels]), self.order)
+        return True
 
     def _report(self, before: int, total: int, done: int) -> None:
         self._say("rendering", before + done, total)
@@ -227,25 +219,33 @@ class _Job:
         """Have all compiled that this picture needs, for a kernel is missing."""
         self._say("compiling", 0, 1)
         plan, large = self.plan, len(self.scene.mesh.faces) > FEW
-        features = plan.smooth, plan.refraction, plan.lights > 0, large, self.with_layers
+        features = plan.smooth, plan.refraction, plan.lights > 0, large, self.with_layers, self.search is not None
         compile_ahead([Picture(self.precision, self.settings.sampler, *features)], partial(self._say, "compiling"))
 
     def _draw(self, part: Part) -> None:
-        """Add samples of some pixels to the film, a batch after the other."""
+        """Add samples of some pixels to the film."""
         pixels = part.pixels
-        spare = -len(pixels) % (BITS // 8 // np.dtype(self.precision).itemsize)
-        padded = np.pad(pixels, (0, spare), "edge")
-        row, column = np.divmod(padded, self.window.width)
-        x, y = (column + self.window.x).astype(np.uint32), (row + self.window.y).astype(np.uint32)
-        sums = np.take(self.film.sums, padded, axis=1)
+        if isinstance(pixels, slice):
+            self._add(part, self.film, pixels.start, self.x[pixels], self.y[pixels])
+            return
+        padded = np.append(pixels, np.repeat(pixels[-1:], -len(pixels) % PACKET))
+        film = taken(self.film, padded)
+        self._add(part, film, 0, self.x[padded], self.y[padded])
+        put(self.film, pixels, film)
+
+    def _add(self, part: Part, film: Film, begin: int, x: NDArray[np.uint32], y: NDArray[np.uint32]) -> None:
+        """Add samples of pixels (x, y), the first of which is there in a film, a batch after the other."""
         step = max(1, BATCH // len(x))
         done = part.first
         while done < part.last and not self._over():
-            end = min(done + step, part.last)
-            self._wavefront((end - done) * len(x)).add_samples(x, y, done, end, sums)
-            done = end
-        self.film.sums[:, pixels] = sums[:, : len(pixels)]
-        self.film.samples[pixels] = done
+            after = min(done + step, part.last)
+            self._wavefront((after - done) * len(x)).add_samples(x, y, done, after, film.sums, begin)
+            done = after
+        film.samples[begin : begin + len(x)] = done
+        shown = np.empty((3, len(x)))
+        estimate(film, begin, begin + len(x), self.model, shown.reshape(-1))
+        if self.search:
+            self.search.show(part.pixels, shown)
 
     def _wavefront(self, n: int) -> Wavefront:
         """Wavefront of the calling thread for batches of n samples."""
@@ -256,8 +256,11 @@ class _Job:
         return mine[n]
 
     def _picture(self, complete: bool, interrupted: bool, compile_seconds: float) -> Render:
-        height, width = self.window.height, self.window.width
-        known = self._estimate()
+        m, place = len(self.at), inverse(self.at)
+        variance, squares = self.film.variance[place], self.film.error[place]
+        self.samples[:] = self.film.samples[place].reshape(self.samples.shape)
+        rgb = np.empty((m, 3), np.float32)
+        rgb[self.at] = means(self.film, m).T.astype(np.float32, order="C")
         seconds = time.perf_counter() - self.began
         passes: defaultdict[str, float] = defaultdict(float)
         rays: Counter[str] = Counter()
@@ -265,15 +268,15 @@ class _Job:
             rays.update(wavefront.rays)
             for name, spent in wavefront.seconds.items():
                 passes[name] += spent
-        error = root_mean(known.shown) if self.error is None else self.error
+        error = root_mean(squares) if self.search is None else self.search.error
         stats = {
             "seconds": seconds,
             "compile_seconds": compile_seconds,
             "seconds_by_pass": dict(passes),
             "rays": dict(rays),
-            "samples": int(self.film.samples.sum()),
+            "samples": int(self.samples.sum()),
             "estimated_error": error,
-            "estimated_error_linear": root_mean(known.variance),
+            "estimated_error_linear": root_mean(variance),
             "target_reached": None if self.target is None else bool(error <= self.target),
         }
         provenance = {
@@ -288,9 +291,8 @@ class _Job:
             "complete": int(complete),
             "seconds": round(seconds, 4),
         }
-        rgb = known.rgb.astype(np.float32).reshape(height, width, 3)
-        stderr = np.sqrt(known.variance).astype(np.float32).reshape(height, width)
-        return Render(rgb, stderr, self.layers, stats, provenance, complete, interrupted)
+        stderr = np.sqrt(variance).astype(np.float32).reshape(self.samples.shape)
+        return Render(rgb.reshape(*stderr.shape, 3), stderr, self.layers, stats, provenance, complete, interrupted)
 
     def _trace_layers(self) -> dict[str, NDArray[Any]]:
         self._prepare()

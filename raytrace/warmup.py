@@ -13,7 +13,7 @@ PRECISIONS, SAMPLERS = ("float32", "float64"), ("sobol", "stratified", "independ
 
 
 def warmup(progress: Callable[[Progress], None] | None = None) -> None:
-    """Compile what pictures need: both precisions, all samplers, flat and smooth, refractive, large, with layers.
+    """Compile what pictures need: both precisions, all samplers, flat and smooth, refractive, large, layers, error.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
 
     began = time.perf_counter()
     pictures = [
-        Picture(precision, sampler, smooth, refractive=True, large=True, layers=True)
+        Picture(precision, sampler, smooth, refractive=True, large=True, layers=True, aimed=True)
         for precision, sampler, smooth in product(PRECISIONS, SAMPLERS, (False, True))
     ]
     if not store.can_keep():

@@ -112,7 +112,9 @@ class Wavefront:
         self.radiance = np.empty(3 * n, dtype)
         self.zero, self.infinity = np.zeros(1, dtype), np.full(1, np.inf, dtype)
 
-    def add_samples(self, x: NDArray[np.uint32], y: NDArray[np.uint32], first: int, last: int, sums: Any) -> None:
+    def add_samples(
+        self, x: NDArray[np.uint32], y: NDArray[np.uint32], first: int, last: int, sums: Any, begin: int
+    ) -> None:
         """Add samples ``first`` .. ``last - 1`` of all pixels (x, y) of a batch to their sums."""
         samples, stage = self.samples, self.stage
         clock = time.perf_counter()
@@ -132,7 +134,7 @@ class Wavefront:
             for number in range(stage.plan.lights):
                 self._light(number)
         clock = time.perf_counter()
-        accumulate(self.radiance, first, sums)
+        accumulate(self.radiance, first, sums, begin, len(x))
         self._lap("film", clock)
 
     def _lap(self, name: str, since: float) -> float:

@@ -21,7 +21,7 @@ def key(seed: Any, x: Any, y: Any, dim: Any) -> Any:
     h = mix(seed)
     for part in (x, y, dim):
         h = mix((h + part) & MASK)
-    return h
+    return mix(h)
 
 
 def to_unit(bits: Any) -> Any:
@@ -62,9 +62,19 @@ def owen_scramble(bits: Any, k: Any) -> Any:
     return bit_reverse(x)
 
 
+def mirrored(bits: Any, k: Any) -> Any:
+    """Scramble all bits but the first for themselves, as a Gray code; the first one mirrors the others."""
+    gray = owen_scramble((bits << 1) & MASK, k) >> 1
+    plain = gray & 0
+    while np.any(gray):
+        plain, gray = plain ^ gray, gray >> 1
+    first = (bits ^ k) >> 31
+    return plain ^ (first * MASK)
+
+
 def owen_sobol(seed: Any, x: Any, y: Any, s: Any, dim: int) -> Any:
     """Sampler "sobol"."""
-    return to_unit(owen_scramble(sobol_raw(s, dim), key(seed, x, y, dim)))
+    return to_unit(mirrored(sobol_raw(s, dim), key(seed, x, y, dim)))
 
 
 def stratified(seed: Any, x: Any, y: Any, s: Any, dim: int, spp: int) -> Any:

@@ -450,6 +450,7 @@ def test_an_interrupted_report_leaves_with_130(measured):
     [
         (["-o", "out"], "report: which scene?"),
         (["box.json"], "-o/--output"),
+        (["box.json", "--hard-cases", "-o", "out"], "not both"),
         (["--hard-cases"], "-o/--output"),
         (["box.json", "-o", "out", "--budget", "0"], "expected a number from 1"),
         (["box.json", "-o", "out", "--size", "64"], "WxH"),

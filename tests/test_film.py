@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rays
-from raytrace.passes.film import BINS, LUMINANCE, accumulate, bin_counts
+from raytrace.passes.film import BINS, LUMINANCE, accumulate, bin_counts, make_film, means, put, taken
 
 PRECISIONS = ("float32", "float64")
 
@@ -15,7 +15,7 @@ def added(radiance, cuts, pixels):
     """Sums (bins, 3, pixels) of radiance (samples, pixels, 3), added in pieces that begin at the cuts."""
     sums, first = np.zeros((3 * BINS, pixels)), 0
     for piece in np.split(radiance, cuts):
-        accumulate(piece.transpose(2, 0, 1).ravel(), first, sums)
+        accumulate(piece.transpose(2, 0, 1).ravel(), first, sums, 0, pixels)
         first += len(piece)
     return sums.reshape(BINS, 3, pixels)
 
@@ -56,3 +56,42 @@ def test_small_samples_are_not_lost_beside_large_ones():
     radiance = np.full((2, 16, 3), 1e-3, np.float32)
     radiance[0] = 1e6  # float32 sums would stay at 1e6
     np.testing.assert_allclose(added(radiance, [], 16).sum(axis=0), 1e6 + 1e-3, rtol=1e-14)
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_only_the_pixels_of_a_batch_are_touched(precision):
+    radiance = np.random.default_rng(3).uniform(0, 2, (5, 16, 3)).astype(precision)
+    sums = np.full((3 * BINS, 48), 7.0)
+    sums[:, 16:32] = 0
+    accumulate(radiance.transpose(2, 0, 1).ravel(), 0, sums, 16, 16)
+    assert rays.same_bits(sums[:, 16:32].reshape(BINS, 3, 16), added(radiance, [], 16))
+    assert (np.delete(sums, np.s_[16:32], axis=1) == 7).all()
+
+
+def test_a_film_has_whole_packets_and_knows_nothing():
+    film = make_film(33)
+    assert film.sums.shape == (12, 48)
+    assert not film.sums.any()
+    assert not film.samples.any()
+    assert np.isnan(film.variance).all()
+    assert np.isnan(film.error).all()
+    assert means(film, 33).tolist() == np.zeros((3, 33)).tolist()
+
+
+def test_pixels_are_taken_and_put_back_and_means_are_those_of_their_samples():
+    film = make_film(64)
+    radiance = np.random.default_rng(4).uniform(0, 2, (6, 64, 3))
+    accumulate(radiance.transpose(2, 0, 1).ravel(), 0, film.sums, 0, 64)
+    film.samples[:] = 6
+    np.testing.assert_allclose(means(film, 60), radiance.mean(axis=0).T[:, :60], rtol=1e-15)
+    pixels = np.array([3, 5, 60])
+    part = taken(film, np.pad(pixels, (0, 13), "edge"))
+    for column in part:
+        column += np.arange(1, 17).astype(column.dtype)
+    put(film, pixels, part)
+    assert film.samples[pixels].tolist() == [7, 8, 9]
+    assert (np.delete(film.samples, pixels) == 6).all()
+    expected = radiance.sum(axis=0).T.copy()
+    expected[:, pixels] += BINS * np.array([1, 2, 3])
+    np.testing.assert_allclose(film.sums.reshape(BINS, 3, 64).sum(axis=0), expected, rtol=1e-14)

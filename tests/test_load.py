@@ -319,6 +319,12 @@ def test_overflow_of_the_world_is_a_problem_of_the_object(tmp_path):
     assert ["objects[0]: coordinates reach" in told[0], "objects[1]: coordinates reach" in told[1]] == [True, True]
 
 
+def test_a_mesh_so_far_away_that_it_is_a_point_is_a_problem_of_the_object(tmp_path):
+    objects = [{"mesh": "triangle.obj", "material": "white", **place} for place in ({"translate": [1e18] * 3}, {})]
+    assert ["objects[0]: even in float64 all of it is one point" in line for line in
+            problems(write(tmp_path, scene(objects=objects)))] == [True]  # fmt: skip
+
+
 def mutations(text: str, rng: np.random.Generator, count: int):
     """Yield copies of a text with a piece removed, doubled or replaced."""
     pieces = ["", "null", "-1", "[]", "{}", '"x"', "1e400", ",", "}", '"', "NaN", "true", "\\", "\x00"]

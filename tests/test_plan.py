@@ -191,6 +191,7 @@ TRACING = [
     "background",
     "camera_rays",
     "closest_hit",
+    "errors",
     "reflect_light",
     "shadow_rays",
     "surface",

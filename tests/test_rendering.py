@@ -96,7 +96,7 @@ def test_another_seed_gives_other_noise(box):
     first, again, other = (rt.render(box, seed=seed, **ask).rgb for seed in (1, 1, 2))
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)
-    assert abs(first.mean() / other.mean() - 1) < 0.01
+    assert abs(first.mean() / other.mean() - 1) < 0.06  # four standard errors
 
 
 def test_two_renders_at_once_do_not_disturb_each_other(several):
@@ -121,20 +121,20 @@ def test_two_renders_at_once_do_not_disturb_each_other(several):
 # Progress and cancel --------------------------------------------------------------------------------------------------
 
 
-def test_progress_tells_of_building_and_of_every_finished_tile():
+def test_progress_tells_of_building_and_of_every_finished_part():
     events = []
-    picture = rt.render(studio(), size=(100, 70), spp=4, progress=events.append)
+    picture = rt.render(studio(), size=(100, 70), spp=8, progress=events.append)
     assert all(isinstance(event, Progress) for event in events)
     stages = [stage for stage, _ in itertools.groupby(event.stage for event in events if event.stage != "compiling")]
     assert stages == ["building", "rendering"]
     drawn = [event for event in events if event.stage == "rendering"]
-    tiles = 4 * 3
-    assert {event.total for event in drawn} == {tiles}
+    pieces = -(-100 * 70 // TILE**2)
+    assert {event.total for event in drawn} == {pieces}
     for earlier, later in itertools.pairwise(drawn):
         assert earlier.done < later.done
         assert earlier.rays <= later.rays
         assert earlier.seconds <= later.seconds
-    assert drawn[-1].done == tiles
+    assert drawn[-1].done == pieces
     assert drawn[-1].rays == sum(picture.stats["rays"].values())
     assert 0 < drawn[-1].seconds <= picture.stats["seconds"]
 
@@ -193,11 +193,12 @@ def test_ctrl_c_ends_a_tile_of_many_samples_at_once(box):
         if event.stage == "rendering":
             raise KeyboardInterrupt
 
-    picture = rt.render(box, spp=65536, size=(40, 8), threads=2, progress=interrupt)  # the second tile is a small one
+    size = (TILE + 2, TILE)  # the second tile is a small one
+    picture = rt.render(box, spp=65536, size=size, threads=2, progress=interrupt)
     samples = picture.aov["samples"]
     assert picture.interrupted
     assert 0 < samples[samples > 0].min() < 65536  # tiles under way stopped between two of their samples
-    whole = rt.render(box, spp=int(samples[0, 0]), size=(40, 8))
+    whole = rt.render(box, spp=int(samples[0, 0]), size=size)
     assert np.array_equal(picture.rgb[0, 0], whole.rgb[0, 0])
 
 
@@ -338,7 +339,7 @@ def test_the_order_of_materials_and_objects_does_not_show(precision):
 
 # A wanted error -------------------------------------------------------------------------------------------------------
 
-EDGES = {"size": (3 * TILE, 2 * TILE), "target_error": 4e-3}
+EDGES = {"size": (3 * TILE, 2 * TILE), "target_error": 2e-3}
 
 
 @pytest.mark.parametrize("sampler", SAMPLERS)
@@ -356,7 +357,7 @@ def test_samples_go_to_edges_and_a_pixel_keeps_its_first_ones(several):
     samples = picture.aov["samples"]
     assert picture.complete
     assert picture.stats["target_reached"]
-    assert picture.stats["estimated_error"] <= 4e-3
+    assert picture.stats["estimated_error"] <= 2e-3
     assert (samples.min(), samples.sum()) == (4, picture.stats["samples"])
     for spp in np.unique(samples)[:3].tolist():  # the same numbers as without a target
         uniform = rt.render(several, size=EDGES["size"], spp=spp)
@@ -364,9 +365,9 @@ def test_samples_go_to_edges_and_a_pixel_keeps_its_first_ones(several):
     truth = srgb_encode(np.clip(rt.render(several, size=EDGES["size"], spp=1024, seed=1).rgb, 0, 1))
     first = srgb_encode(np.clip(rt.render(several, size=EDGES["size"], spp=4).rgb, 0, 1))
     wrong = np.abs(first - truth).max(axis=2) > 0.02
-    assert samples[wrong].mean() > 3 * samples[~wrong].mean()
+    assert samples[wrong].mean() > 2 * samples[~wrong].mean()
     actual = np.sqrt(np.mean((srgb_encode(np.clip(picture.rgb, 0, 1)) - truth) ** 2))
-    assert actual < 1.3 * 4e-3
+    assert actual < 1.3 * 2e-3
 
 
 def test_a_target_is_met_with_fewer_samples_than_by_all_pixels_alike(box):
@@ -400,7 +401,7 @@ def test_ctrl_c_and_time_end_the_rounds_with_what_is_there(several):
             raise KeyboardInterrupt
 
     tiles = 3 * 2
-    part = rt.render(several, progress=progress, **EDGES)
+    part = rt.render(several, progress=progress, size=EDGES["size"], target_error=2e-4)
     assert (part.complete, part.interrupted) == (False, True)
     assert part.aov["samples"].min() == 4
     late = rt.render(several, size=EDGES["size"], target_error=1e-6, time_limit=0.3)

@@ -4,12 +4,54 @@ A pixel's samples lie in four bins, quarters of them where their number is a pow
 2 and 3 what came since. When both are full, two bins become one each. What the bins disagree by is the pixel's error.
 """
 
-import numpy as np
+from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.accel.lanes import PACKET
 from raytrace.jit import inlined, kernel
 
 BINS = 4
 LUMINANCE = 0.2126, 0.7152, 0.0722  # of linear Rec. 709 primaries   [ITU-R BT.709-6, 3.2]
+
+
+class Film(NamedTuple):
+    """What is known of the pixels of a window, which are whole packets of them."""
+
+    sums: NDArray[np.float64]  # (12, m): red, green, blue of each bin, bin after bin
+    samples: NDArray[np.int32]  # (m,)
+    variance: NDArray[np.float64]  # (m,): of the mean luminance; NaN: unknown
+    error: NDArray[np.float64]  # (m,): squared, as shown: of sRGB clipped to 0..1, mean of the channels; NaN: unknown
+
+
+def make_film(pixels: int) -> Film:
+    """Film of so many pixels, and as many more as fill the last packet; without a sample."""
+    m = -(-pixels // PACKET) * PACKET
+    return Film(np.zeros((3 * BINS, m)), np.zeros(m, np.int32), np.full(m, np.nan), np.full(m, np.nan))
+
+
+def taken(film: Film, pixels: NDArray[np.int64]) -> Film:
+    """Copy some pixels of a film, whole packets of them."""
+    return Film(np.take(film.sums, pixels, axis=1), *(column[pixels] for column in film[1:]))
+
+
+def put(film: Film, pixels: NDArray[np.int64], part: Film) -> None:
+    """Write pixels that were taken back, but for those that fill the last packet."""
+    m = len(pixels)
+    for row, values in zip(film.sums, part.sums, strict=True):
+        row[pixels] = values[:m]
+    for column, values in zip(film[1:], part[1:], strict=True):
+        column[pixels] = values[:m]
+
+
+def means(film: Film, pixels: int) -> NDArray[np.float64]:
+    """Mean radiance (3, pixels) of the first pixels; 0 without a sample."""
+    bins = film.sums.reshape(BINS, 3, -1)[..., :pixels]
+    total = bins[0] + bins[1]
+    total += bins[2] + bins[3]
+    total /= np.maximum(film.samples[:pixels], 1)
+    return total
 
 
 def bin_counts(samples):
@@ -28,7 +70,7 @@ def bin_of(sample):
 
 
 @kernel
-def accumulate(radiance, first, sums):
+def accumulate(radiance, first, sums, begin, m):
     """Add samples to pixels.
 
     Parameters
@@ -37,20 +79,22 @@ def accumulate(radiance, first, sums):
         Sample after sample, each of m pixels.
     first : int
         Number of the first sample.
-    sums : (12, m) float64 array
-        Of red, green and blue of m pixels, bin after bin.
+    sums : (12, p) float64 array
+        Of red, green and blue of pixels, bin after bin.
+    begin, m : int
+        The first pixel, and how many.
     """
-    n, m = len(radiance) // 3, sums.shape[1]
+    n, end = len(radiance) // 3, begin + m
     for i in range(n // m):
         sample = first + i
         if sample >= BINS and sample & (sample - 1) == 0:
             for k in range(3):
-                for j in range(m):
+                for j in range(begin, end):
                     sums[k, j] += sums[3 + k, j]
                     sums[3 + k, j] = sums[6 + k, j] + sums[9 + k, j]
                     sums[6 + k, j] = sums[9 + k, j] = 0.0
         row = 3 * bin_of(sample)
         for k in range(3):
-            channel, total = radiance[k * n + i * m : k * n + (i + 1) * m], sums[row + k]
+            channel, total = radiance[k * n + i * m : k * n + (i + 1) * m], sums[row + k, begin:end]
             for j in range(m):
                 total[j] += np.float64(channel[j])

@@ -70,8 +70,12 @@ def pixel_key(seed, x, y):
 
 @inlined
 def key(pixel, dimension):
-    """Hash of seed, pixel and dimension."""
-    return mix(pixel + np.uint32(dimension))
+    """Hash of seed, pixel and dimension.
+
+    Mixed twice: the scrambling multiplies high bits by low ones, which would take back what one mixing did last, and
+    leave the digits of x and y dependent.
+    """
+    return mix(mix(pixel + np.uint32(dimension)))
 
 
 @inlined
@@ -126,9 +130,25 @@ def film_sample(sampler, pixel, sample, like):
 
 
 @inlined
+def mirrored(x, k):
+    """Scramble bit-reversed numbers so that those that differ in their lowest bit alone become mirror images.
+
+    The other bits are scrambled for themselves, and read as a Gray code, in which the complement of a number differs
+    from it in its first digit alone.
+    """
+    g = owen(x >> np.uint32(1), k) >> np.uint32(1)
+    g = g ^ (g >> np.uint32(1))
+    g = g ^ (g >> np.uint32(2))
+    g = g ^ (g >> np.uint32(4))
+    g = g ^ (g >> np.uint32(8))
+    g = g ^ (g >> np.uint32(16))
+    return g ^ (np.uint32(0) - ((x ^ (k >> np.uint32(31))) & np.uint32(1)))
+
+
+@inlined
 def _sobol(sampler, pixel, sample, like):
-    x = owen(splat(np.uint32(sample), pixel), key(pixel, FILM_X))
-    y = owen(splat(sobol_reversed(sample), pixel), key(pixel, FILM_Y))
+    x = mirrored(splat(np.uint32(sample), pixel), key(pixel, FILM_X))
+    y = mirrored(splat(sobol_reversed(sample), pixel), key(pixel, FILM_Y))
     return unit(x, like), unit(y, like)
 
 

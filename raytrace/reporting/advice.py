@@ -111,8 +111,7 @@ def two_digits(number: float) -> str:
 
 
 def _samplers(orders: Sequence[Order]) -> list[str]:
-    plain = [fit for fit in orders if not fit.way.adaptive]
-    default = [fit for fit in plain if fit.way.precision == plain[0].way.precision]
+    default = [fit for fit in orders if fit.way.precision == orders[0].way.precision]
     texts = [f"{fit.way.sampler} as spp^{fit.order:.2f}" for fit in default]
     return [f"The error shrinks: {', '.join(texts)}"] if texts else []
 

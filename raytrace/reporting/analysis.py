@@ -67,10 +67,10 @@ def curves_of(points: Iterable[Point]) -> dict[Way, list[Point]]:
 
 
 def orders_of(points: Iterable[Point]) -> list[Order]:
-    """Orders of convergence on a screen, of the usual ways with three points or more."""
+    """Orders of convergence on a screen, of the usual ways with three points or more; adaptive sampling has none."""
     orders = []
     for way, curve in curves_of(points).items():
-        if not way.usual:  # the samples, and so the order, are those of the usual way
+        if not way.usual or way.adaptive:  # the samples, and so the order, are those of the usual way
             continue
         good = [point for point in curve if point.rmse_srgb > 0.0]
         if len({point.spp for point in good}) > 2:

@@ -3,7 +3,7 @@
 import time
 import tracemalloc
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,6 +126,8 @@ class Sweep:
         To measure in; compilation doesn't count.
     progress : callable
         Is told the share that is done and the rays traced.
+    make : callable
+        Gives what draws the scene in a way, with the methods of ``Subject``.
     """
 
     def __init__(
@@ -135,8 +137,9 @@ class Sweep:
         reference: Reference,
         seconds: float,
         progress: Callable[[float, int], None],
+        make: Callable[[Scene, Way, tuple[int, int]], Any] = Subject,
     ) -> None:
-        self.scene, self.size, self.reference, self.progress = scene, size, reference, progress
+        self.scene, self.size, self.reference, self.progress, self.make = scene, size, reference, progress, make
         self.end = time.perf_counter() + seconds
         self.tasks: list[_Task] = []
         self.firsts: list[First] = []
@@ -171,7 +174,7 @@ class Sweep:
             self._leave_out(way, steps_of(way), self._late())
             return None
         began = time.perf_counter()
-        subject = Subject(self.scene, way, self.size)
+        subject: Subject = self.make(self.scene, way, self.size)
         step = steps_of(way)[0] if way.adaptive else FIRST_SPP
         compiling = float(_whole(subject.draw(step, self._seed(0))).stats["compile_seconds"])
         warm = time.perf_counter()

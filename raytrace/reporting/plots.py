@@ -12,6 +12,7 @@ from raytrace.reporting.measure import Point
 from raytrace.reporting.ways import Way
 
 COLOURS = {"sobol": "#0072b2", "stratified": "#009e73", "independent": "#d55e00"}  # told apart by the colour-blind
+OTHER = "#555555"
 SIZE, DPI = (9.6, 6.0), 110  # inches; dots per inch of the PNG
 STYLE: Any = {
     "font.size": 13,
@@ -80,7 +81,11 @@ def _look(way: Way) -> dict[str, Any]:
         dashes, marker = ":", "^"
     if way.tree != "sah":
         dashes, marker = ":", {"median": "v", "none": "X"}[way.tree]
-    return {"color": COLOURS[way.sampler] if not way.adaptive else "#cc79a7", "linestyle": dashes, "marker": marker}
+    return {
+        "color": "#cc79a7" if way.adaptive else COLOURS.get(way.sampler, OTHER),
+        "linestyle": dashes,
+        "marker": marker,
+    }
 
 
 def _against_time(points: Sequence[Point], front: Sequence[bool], title: str) -> Any:
@@ -101,7 +106,8 @@ def _against_samples(points: Sequence[Point], orders: Sequence[Order], title: st
     for way, curve in curves_of(points).items():
         label = way.name + (f": spp^{fits[way].order:.2f}" if way in fits else "")
         look = _look(way)
-        axes.plot([p.spp for p in curve], [p.rmse_srgb for p in curve], label=label, **look | {"linestyle": ""})
+        line = look["linestyle"] if way.adaptive else ""
+        axes.plot([p.spp for p in curve], [p.rmse_srgb for p in curve], label=label, **look | {"linestyle": line})
         if way in fits:
             x = np.array([min(p.spp for p in curve), max(p.spp for p in curve)])
             axes.plot(x, fits[way].at_one * x ** fits[way].order, color=look["color"], linestyle=look["linestyle"])

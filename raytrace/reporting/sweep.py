@@ -157,7 +157,7 @@ def report(
         if found.interrupted:
             raise KeyboardInterrupt
         raise OptionError(f"budget: {budget:g} s are too few for a single point; give more, or make the size smaller")
-    return _written(scene, size, truth, found, folder, (budget, teller.seconds))
+    return written(scene, size, truth, found, folder, (budget, teller.seconds))
 
 
 class _Teller:
@@ -189,7 +189,7 @@ class _Teller:
         self.told(Progress(stage, int(PARTS * share), PARTS, rays, self.seconds))
 
 
-def _written(
+def written(
     scene: Scene, size: tuple[int, int], truth: Reference, found: Measured, folder: Path, seconds: tuple[float, float]
 ) -> Report:
     """Weigh up what was found, and write it down."""

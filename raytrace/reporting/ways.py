@@ -17,7 +17,7 @@ from raytrace.wavefront import Stage, make_stage
 SAMPLERS = "sobol", "stratified", "independent"
 SPP = tuple(1 << k for k in range(9))  # 1 .. 256 samples per pixel
 FEW_SPP = 4, 16, 64  # of the ways that differ in speed alone, or are wrong at any number
-TARGETS = 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005  # errors that adaptive sampling is asked for
+TARGETS = 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001  # errors that adaptive sampling is asked for
 ADAPTIVE_CAP = 4096  # most samples per pixel that it may take
 FEW_TRIANGLES = 4096  # up to so many are tested without a tree as well
 FAR = 1e3  # boxes of a tree that tells nothing: so many times the largest coordinate

@@ -81,13 +81,18 @@ def place(raw: RawMesh, entry: Any, material_id: int) -> Placed:
     Raises
     ------
     ValueError
-        Coordinates beyond ``MAX_COORDINATE``.
+        Coordinates beyond ``MAX_COORDINATE``, or so large that nothing is left of the mesh's shape.
     """
     turn = np.eye(3) if entry.rotate is None else rotation(entry.rotate.axis, entry.rotate.angle)
     mesh = transform(raw, turn * entry.scale, np.array(entry.translate))
     largest = np.max(np.abs(mesh.vertices))
     if not largest <= MAX_COORDINATE:
         raise ValueError(f"coordinates reach {largest:.3g} in the world; expected at most {MAX_COORDINATE:g}")
+    if np.ptp(raw.vertices, axis=0).any() and not np.ptp(mesh.vertices, axis=0).any():
+        raise ValueError(
+            f"even in float64 all of it is one point at coordinates up to {largest:.3g}; "
+            "move it nearer to the origin, or use a larger scale"
+        )
     if mesh.normals is not None:
         mesh = mesh._replace(normals=_normalise(mesh.normals))
     return Placed(mesh, entry.normals == "smooth", material_id)

@@ -1,0 +1,83 @@
+"""How far errors that pictures state hold: against references, over seeds, scenes, samplers and numbers of samples."""
+
+from typing import Any
+
+import numpy as np
+from harness import ROOT, begin, finish, parser, show, table
+
+import raytrace as rt
+from raytrace.passes.estimate import LUMINANCE
+from raytrace.records import Scene
+from raytrace.reporting.error import screen
+
+SCENES = "cornell-box", "room", "glass-sphere"
+SAMPLERS = "sobol", "stratified", "independent"
+COUNTS = 4, 8, 16, 64, 256  # samples per pixel
+TARGETS = {"cornell-box": (1e-3, 4e-4, 1.4e-4), "room": (4e-3, 2e-3, 1e-3), "glass-sphere": (2e-3, 1e-3, 4e-4)}
+T = {1: 12.706, 2: 4.303, 3: 3.182}  # Student's t, 97.5 %, by degrees of freedom
+TRUTH, TRUTH_SEED = 4096, 10**6
+
+
+def rmse(picture: Any, truth: np.ndarray) -> float:
+    """Root of the mean squared error on a screen."""
+    return float(np.sqrt(np.mean((screen(picture.rgb) - screen(truth)) ** 2)))
+
+
+def stated(scene: Scene, truth: np.ndarray, sampler: str, spp: int, seeds: int) -> dict[str, Any]:
+    """Share of pixels whose 95 % interval holds the truth; stated over actual error of the picture."""
+    t = T[1 if sampler == "sobol" and spp < 8 else 3]  # mirrored pairs: four samples make one contrast
+    held, claimed, actual = [], [], []
+    for seed in range(seeds):
+        picture = rt.render(scene, spp=spp, size=truth.shape[1::-1], seed=seed, sampler=sampler)
+        off = np.abs((picture.rgb - truth) @ LUMINANCE)
+        held.append(np.mean(off <= t * picture.stderr + 1e-6))  # rounding to float32
+        claimed.append(picture.stats["estimated_error"] ** 2)
+        actual.append(rmse(picture, truth) ** 2)
+    ratio = float(np.sqrt(np.mean(claimed) / np.mean(actual)))
+    return {"sampler": sampler, "spp": spp, "held": float(np.mean(held)), "stated / actual": ratio}
+
+
+def wanted(scene: Scene, truth: np.ndarray, target: float, seeds: int) -> dict[str, Any]:
+    """What a wanted error gives, and what all pixels alike would need for the same."""
+    ask = {"size": truth.shape[1::-1]}
+    pictures = [rt.render(scene, target_error=target, seed=seed, **ask) for seed in range(seeds)]
+    errors = [rmse(picture, truth) for picture in pictures]
+    spp = float(np.mean([picture.stats["samples"] / picture.stderr.size for picture in pictures]))
+    alike = {
+        n: np.mean([rmse(rt.render(scene, spp=n, seed=s, **ask), truth) for s in range(3)]) for n in (4, 16, 64, 256)
+    }
+    slope, start = np.polyfit(np.log(list(alike.values())), np.log(list(alike)), 1)
+    actual = float(np.sqrt(np.mean(np.square(errors))))
+    needed = float(np.exp(start) * actual**slope)
+    most = max(int(picture.aov["samples"].max()) for picture in pictures)
+    return {"target": target, "actual": actual, "worst": max(errors), "spp": spp, "most": most, "alike": needed}
+
+
+def main() -> None:
+    options = parser(__doc__, rounds=8)
+    options.add_argument("--size", type=int, default=96, help="pixels: side of the film (%(default)s)")
+    args = options.parse_args()
+    found, intervals, targets = begin(), [], []
+    for name in SCENES:
+        scene = rt.load(ROOT / f"scenes/{name}.json")
+        truth = rt.render(scene, spp=TRUTH, size=(args.size, args.size), seed=TRUTH_SEED).rgb.astype(np.float64)
+        for sampler in SAMPLERS:
+            rows = [stated(scene, truth, sampler, spp, args.rounds) for spp in COUNTS]
+            intervals += [{"scene": name} | row for row in rows]
+        targets += [{"scene": name} | wanted(scene, truth, target, args.rounds) for target in TARGETS[name]]
+    show(f"Share of pixels whose 95 % interval holds the truth, and stated over actual error; {args.rounds} seeds:\n")
+    cells = {
+        (row["scene"], row["sampler"], row["spp"]): f"{row['held']:.1%}, {row['stated / actual']:.2f}"
+        for row in intervals
+    }
+    table(
+        ["sampler, spp", *SCENES],
+        ([f"{s} {n}", *(cells[name, s, n] for name in SCENES)] for s in SAMPLERS for n in COUNTS),
+    )
+    show("Wanted errors; samples a pixel, mean and most, and what all pixels alike need for the actual error:\n")
+    table(list(targets[0]), (list(row.values()) for row in targets))
+    finish(args, found, {"intervals": intervals, "targets": targets})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,189 @@
+"""Time against error, ours and Mitsuba 3's, interleaved in one run: a report of both, one plot, and the ratios."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from argparse import Namespace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from harness import ROOT, begin, finish, parser, show, table
+from peer_pictures import peer_picture
+from peers import Mitsuba, available
+
+import raytrace as rt
+from raytrace.records import Scene
+from raytrace.reporting import measure
+from raytrace.reporting.analysis import needed
+from raytrace.reporting.folder import check_folder
+from raytrace.reporting.measure import Point, Sweep
+from raytrace.reporting.reference import make_reference
+from raytrace.reporting.sweep import written
+from raytrace.reporting.ways import Subject, Way
+
+PEER = "Mitsuba "  # before the names of its samplers
+PEER_SAMPLERS = "multijitter", "ldsampler", "orthogonal", "stratified", "independent"
+ADAPTIVE, UNIFORM = Way("sobol", "float32", adaptive=True), Way("sobol", "float32")
+ERRORS = 1e-3, 4e-4, 1.4e-4  # RMSE on a screen that the table asks for
+COLD = """
+import sys, mitsuba as mi
+sys.path[:0] = [{bench!r}, {root!r}]
+import raytrace as rt
+from peer_pictures import peer_picture
+mi.set_variant("llvm_ad_rgb")
+peer_picture(rt.load({scene!r}), ({width}, {height}))(16, 0).numpy()
+"""
+
+
+class PeerSubject:
+    """A scene that Mitsuba draws with one of its samplers."""
+
+    table_bytes = 0  # its memory is not Python's, and unknown
+
+    def __init__(self, scene: Scene, way: Way, size: tuple[int, int]) -> None:
+        self.way, self.size = way, size
+        self._picture = peer_picture(scene, size, way.sampler.removeprefix(PEER))
+
+    def draw(self, step: float, seed: int) -> Any:
+        """Draw one picture, and say of it what ``Render`` says; its rays are not counted."""
+        spp = int(step)
+        if self.way.sampler.endswith("orthogonal"):  # it wants the square of a prime
+            spp = next(prime**2 for prime in (2, 3, 5, 7, 11, 13, 17) if prime**2 >= step)
+        rgb = self._picture(spp, seed).numpy().reshape(*self.size[::-1], 3)
+        stats = {"compile_seconds": 0.0, "rays": {}, "samples": spp * rgb.shape[0] * rgb.shape[1]}
+        return SimpleNamespace(rgb=rgb, stderr=rgb[..., 0], stats=stats, interrupted=False)
+
+
+def subject(scene: Scene, way: Way, size: tuple[int, int]) -> Any:
+    return (PeerSubject if way.sampler.startswith(PEER) else Subject)(scene, way, size)
+
+
+def sweep(scene: Scene, size: tuple[int, int], folder: Path, ways: list[Way]) -> list[Point]:
+    """Measure all ways in turn, and write a report of them."""
+    began = time.perf_counter()
+    truth = make_reference(scene, size, 600.0, lambda share, event: None)
+    show(f"reference: {truth.spp} samples per pixel, its own error {truth.error:.1e}\n")
+    check_folder(folder)
+    found = Sweep(scene, size, truth, 1e9, lambda share, rays: None, subject).run(ways)
+    report = written(scene, size, truth, found, folder, (1e9, time.perf_counter() - began))
+    show(f"wrote {report.files[-1]}\n")
+    return list(found.points)
+
+
+def seconds_to(curve: list[Point], error: float) -> np.ndarray | None:
+    """Seconds to an error in each round, between the points on logarithmic axes; None: it never gets there."""
+    rounds = [[p._replace(times=(p.times[k],)) for p in curve] for k in range(len(curve[0].times))]
+    found = [needed(points, error) for points in rounds]
+    return None if found[0] is None or curve[0].rmse_srgb <= error else np.array([f[1] for f in found if f])
+
+
+def ratios(points: list[Point]) -> list[dict[str, Any]]:
+    """For each error: seconds of ours and of the peer's best sampler, and medians of the rounds' ratios."""
+    curves = {way: [p for p in points if p.way == way] for way in {p.way for p in points}}
+    rows = []
+    for error in ERRORS:
+        times = {way: t for way, curve in curves.items() if (t := seconds_to(curve, error)) is not None}
+        peers = [way for way in times if way.sampler.startswith(PEER)]
+        best = min(peers, key=lambda way: np.median(times[way]), default=None)
+        spp = {way: found[0] for way in (ADAPTIVE, UNIFORM) if (found := needed(curves[way], error))}
+        row: dict[str, Any] = {"error": error, "peer": best.sampler if best else None}
+        for name, way in (("peer s", best), ("uniform s", UNIFORM), ("adaptive s", ADAPTIVE)):
+            row[name] = float(np.median(times[way])) if way in times else None
+        for name, one, other in (("peer / adaptive", best, ADAPTIVE), ("peer / uniform", best, UNIFORM),
+                                 ("uniform / adaptive", UNIFORM, ADAPTIVE)):  # fmt: skip
+            row[name] = float(np.median(times[one] / times[other])) if one in times and other in times else None
+        row["uniform spp"], row["adaptive spp"] = spp.get(UNIFORM), spp.get(ADAPTIVE)
+        rows.append(row)
+    return rows
+
+
+def plot(content: dict[str, Any], path: Path) -> None:
+    """Draw time against error, on a screen and in linear light, of a ``report.json``."""
+    from matplotlib.figure import Figure
+
+    figure = Figure((13, 5.5), layout="constrained")
+    left, right = figure.subplots(1, 2, sharex=True)
+    names = list(dict.fromkeys(point["way"]["name"] for point in content["points"]))
+    for k, name in enumerate(names):
+        points = [point for point in content["points"] if point["way"]["name"] == name]
+        look = {"color": f"C{k}", "marker": "*" if points[0]["way"]["adaptive"] else "o", "markersize": 5,
+                "linestyle": "--" if name.startswith(PEER) else "-"}  # fmt: skip
+        seconds = [np.median(point["seconds_of_rounds"]) for point in points]
+        for axes, error in ((left, "rmse_srgb"), (right, "rmse")):
+            axes.plot(seconds, [point[error] for point in points], label=name, **look)
+    about = content["scene"]
+    title = f"{about['name']}, {about['size'][0]} x {about['size'][1]}, {content['machine']['threads']} threads"
+    left.set(title=f"{title}: RMSE on a screen (sRGB, clipped)")
+    right.set(title="RMSE in linear light")
+    for axes in (left, right):
+        axes.set(xscale="log", yscale="log", xlabel="seconds a picture, warm process")
+        axes.grid(alpha=0.3, which="both")
+    left.legend(fontsize=9)
+    figure.savefig(path, dpi=90)
+
+
+def cold(path: Path, size: tuple[int, int]) -> dict[str, list[float]]:
+    """Seconds of whole processes that draw one picture of 16 spp: with empty caches, then twice with what they kept."""
+    bench = Path(__file__).parent
+    words = COLD.format(bench=str(bench), root=str(ROOT), scene=str(path), width=size[0], height=size[1])
+    found = {}
+    with tempfile.TemporaryDirectory() as folder:
+        ours = [sys.executable, "-m", "raytrace", str(path), "-o", f"{folder}/a.npz", "--spp", "16", "--quiet"]
+        ours += ["--size", f"{size[0]}x{size[1]}"]
+        home = os.environ | {"HOME": folder, "RAYTRACE_CACHE": folder, "PYTHONPATH": str(ROOT)}
+        for name, command in (("raytrace", ours), ("Mitsuba", [sys.executable, "-c", words])):
+            found[name] = []
+            for _ in range(3):
+                began = time.perf_counter()
+                subprocess.run(command, check=True, env=home, cwd=ROOT, capture_output=True)
+                found[name].append(time.perf_counter() - began)
+    return found
+
+
+def options() -> Namespace:
+    made = parser(__doc__, rounds=5)
+    boxes = [ROOT / f"scenes/{name}.json" for name in ("cornell-box", "cornell-box-glass")]
+    about = "meshes, point lights, at most one index of refraction (the two Cornell boxes)"
+    made.add_argument("--scenes", nargs="+", type=Path, default=boxes, help=about)
+    made.add_argument("--size", type=int, default=256, help="pixels: side of the film (%(default)s)")
+    made.add_argument("-o", "--output", type=Path, default=Path("out"), help="folder for the reports (%(default)s)")
+    return made.parse_args()
+
+
+def main() -> None:
+    args, found = options(), begin()
+    measure.ROUNDS = args.rounds
+    peers, missing = available()
+    samplers = PEER_SAMPLERS if Mitsuba in peers else ()
+    if not samplers:
+        show(f"missing: Mitsuba: {missing['Mitsuba']}\n")
+    ways = [UNIFORM, ADAPTIVE, Way("stratified", "float32"), Way("independent", "float32")]
+    ways += [Way(f"{PEER}{sampler}", "float32") for sampler in samplers]
+    results = {}
+    for path in args.scenes:
+        size, folder = (args.size, args.size), args.output / path.stem
+        show(f"{path.stem}\n")
+        points = sweep(rt.load(path), size, folder, ways)
+        content = json.loads((folder / "report.json").read_text())
+        plot(content, folder / "error.png")
+        rows = ratios(points)
+        table(["way", *map(str, (16, 64, 256))],
+              ([way.name, *(p.rmse_srgb for p in points if p.way == way and p.step in (16, 64, 256))]
+               for way in ways if not way.adaptive))  # fmt: skip
+        table(list(rows[0]), (list(row.values()) for row in rows))
+        table(["way", "order", "low", "high"],
+              ([o["way"]["name"], o["order"], o["low"], o["high"]] for o in content["orders"]))  # fmt: skip
+        starts = cold(path, size) if samplers else {}
+        table(["whole process, 16 spp, seconds", "empty caches", "again", "again"],
+              ([name, *seconds] for name, seconds in starts.items()))  # fmt: skip
+        results[path.stem] = {"ratios": rows, "orders": content["orders"], "whole processes": starts}
+    finish(args, found, results)
+
+
+if __name__ == "__main__":
+    main()
