@@ -54,6 +54,12 @@ def row(pictures: Mapping[str, Any], height: float = 2.6, **options: Any) -> Non
     plt.show()
 
 
+def screen(radiance: np.ndarray) -> np.ndarray:
+    """Linear radiance as a screen takes it: clipped to 0..1, with the curve of sRGB."""
+    x = np.clip(np.asarray(radiance, float), 0, 1)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+
+
 def mesh(name: str, **placement: Any) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (v, 3) and faces (m, 3) of a shipped mesh, placed as an object of a scene would be."""
     thing = {"mesh": str(MESHES / name), "material": "any", **placement}
