@@ -1,6 +1,7 @@
 """What the notebooks share: checks of exercises, pictures side by side, and meshes."""
 
 import io
+import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -66,3 +67,11 @@ def mesh(name: str, **placement: Any) -> tuple[np.ndarray, np.ndarray]:
     camera = {"position": [0, 0, 1], "look_at": [0, 0, 0], "fov": 45}
     found = rt.load({"camera": camera, "materials": {"any": {"type": "refractive", "ior": 1}}, "objects": [thing]}).mesh
     return found.vertices, found.faces
+
+
+def described(name: str) -> dict[str, Any]:
+    """Content of a shipped scene, to be changed and drawn from any folder."""
+    content = json.loads((MESHES.parent / f"{name}.json").read_text("utf-8"))
+    for thing in content["objects"]:
+        thing["mesh"] = str(MESHES.parent / thing["mesh"])
+    return content
