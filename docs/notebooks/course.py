@@ -41,7 +41,7 @@ def check(exercise: str) -> Iterator[None]:
 
 
 def row(pictures: Mapping[str, Any], height: float = 2.6, **options: Any) -> None:
-    """Show renders and arrays side by side, under their names; options go to ``imshow`` for those that aren't renders."""
+    """Show renders and arrays side by side, under their names; options are those of ``imshow``, for arrays."""
     figure, axes = plt.subplots(1, len(pictures), figsize=(0, 0), squeeze=False)
     width = 0.0
     for axis, (name, picture) in zip(axes[0], pictures.items(), strict=True):
