@@ -35,10 +35,11 @@ NUMBA = (
 
 # folder -> the folders of the package that it may not import, so that data flows one way
 LAYERS = {
-    "scene": ("accel", "passes", "render", "reporting", "cli"),
-    "accel": ("scene", "passes", "render", "image", "reporting", "cli"),
-    "passes": ("scene", "render", "image", "reporting", "cli"),
-    "reporting": ("cli",),
+    "scene": ("accel", "passes", "render", "reporting", "show", "cli"),
+    "accel": ("scene", "passes", "render", "image", "reporting", "show", "cli"),
+    "passes": ("scene", "render", "image", "reporting", "show", "cli"),
+    "reporting": ("show", "cli"),
+    "show": ("cli",),
 }
 
 
