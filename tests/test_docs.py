@@ -30,6 +30,7 @@ def blocks(name, mark):
 def test_the_api_page_has_every_public_name():
     listed = DIRECTIVE.findall(page("api.md"))
     assert {f"raytrace.{name}" for name in raytrace.__all__} <= set(listed)
+    assert {f"raytrace.show.{name}" for name in raytrace.show.__all__} <= set(listed)
     assert len(listed) == len(set(listed))
 
 

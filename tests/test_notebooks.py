@@ -59,6 +59,8 @@ def test_notebooks_use_the_public_face_alone(notebook):
                 assert not any(name.name.startswith("raytrace.") for name in node.names), ast.unparse(node)
             elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "rt":
                 assert node.attr in raytrace.__all__
+            elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "rt.show":
+                assert node.attr in raytrace.show.__all__
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS)
