@@ -21,7 +21,8 @@ def _integer(name: str, value: Any) -> int:
     raise OptionError(f"{name}: expected a whole number, got {value!r}")
 
 
-def _within(name: str, value: Any, low: int, high: int) -> int:
+def within(name: str, value: Any, low: int, high: int) -> int:
+    """Check a whole number of any type; it becomes Python's."""
     number = _integer(name, value)
     if not low <= number <= high:
         raise OptionError(f"{name}: expected a number from {low} to {high}, got {number}")
@@ -46,8 +47,8 @@ def override(settings: Settings, spp: Any, size: Any, seed: Any, precision: Any,
         if getattr(settings, name) not in allowed:
             raise OptionError(f"{name}: expected one of {', '.join(allowed)}, got {getattr(settings, name)!r}")
     return settings._replace(
-        spp=_within("spp", settings.spp, 1, MAX_SPP),
-        seed=_within("seed", settings.seed, 0, MAX_SEED),
+        spp=within("spp", settings.spp, 1, MAX_SPP),
+        seed=within("seed", settings.seed, 0, MAX_SEED),
         size=_size(settings.size),
     )
 

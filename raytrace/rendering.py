@@ -27,7 +27,7 @@ from raytrace.passes.sampling import make_sampler
 from raytrace.picture import Layers, Render, trace_layers
 from raytrace.records import Scene, Settings, Window
 from raytrace.scene.load import load
-from raytrace.scene.plan import make_plan
+from raytrace.scene.plan import Plan, make_plan
 from raytrace.wavefront import BATCH, Stage, Wavefront, make_stage
 
 _stages: WeakKeyDictionary[Scene, dict[str, Stage]] = WeakKeyDictionary()  # of scenes drawn before
@@ -36,6 +36,14 @@ _stages: WeakKeyDictionary[Scene, dict[str, Stage]] = WeakKeyDictionary()  # of 
 def set_stage(scene: Scene, stage: Stage) -> None:
     """Draw a scene on this stage from now on, in the stage's precision."""
     _stages.setdefault(scene, {})[stage.bvh.precision] = stage
+
+
+def stage_of(scene: Scene, plan: Plan, precision: str) -> Stage:
+    """The stage that a scene is drawn on, built if it isn't there yet."""
+    stages = _stages.setdefault(scene, {})
+    if precision not in stages:
+        stages[precision] = make_stage(scene, plan, precision)
+    return stages[precision]
 
 
 class Progress(NamedTuple):
@@ -203,11 +211,9 @@ class _Job:
         self.progress(Progress(stage, done, total, rays, time.perf_counter() - since))
 
     def _prepare(self) -> None:
-        stages = _stages.setdefault(self.scene, {})
-        if self.precision not in stages:
+        if self.precision not in _stages.get(self.scene, {}):
             self._say("building", 0, 1)
-            stages[self.precision] = make_stage(self.scene, self.plan, self.precision)
-        self.stage = stages[self.precision]
+        self.stage = stage_of(self.scene, self.plan, self.precision)
         self.view = make_view(self.scene.camera, self.settings.size, np.dtype(self.precision))
         self.sampler = make_sampler(self.settings.sampler, self.settings.seed, self.settings.spp)
 

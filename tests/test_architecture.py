@@ -35,11 +35,12 @@ NUMBA = (  # the compiler, and the type that it is taught
 
 # folder -> the folders of the package that it may not import, so that data flows one way
 LAYERS = {
-    "scene": ("accel", "passes", "render", "reporting", "cli"),
-    "accel": ("scene", "passes", "render", "image", "reporting", "cli"),
-    "passes": ("scene", "render", "image", "reporting", "cli"),
-    "native": ("scene", "passes", "render", "image", "reporting", "cli"),
-    "reporting": ("cli",),
+    "scene": ("accel", "passes", "render", "reporting", "show", "golden", "cli"),
+    "accel": ("scene", "passes", "render", "image", "reporting", "show", "golden", "cli"),
+    "passes": ("scene", "render", "image", "reporting", "show", "golden", "cli"),
+    "native": ("scene", "passes", "render", "image", "reporting", "show", "golden", "cli"),
+    "reporting": ("show", "golden", "cli"),
+    "show": ("golden", "cli"),
 }
 
 

@@ -30,6 +30,7 @@ MAY_IMPORT = {  # what is run -> the packages that it may import, beside Python'
 }
 FUNCTIONS = {"load", "render", "explain", "compare", "reflect", "refract", "report", "spawn_ray"}
 CLASSES = {"BVH", "Render", "Scene", "Hits", "Surface", "RaytraceError", "SceneError", "FileError", "OptionError"}
+ROOMS = {"show"}
 SUBMODULES = [
     "rendering",
     "picture",
@@ -57,7 +58,7 @@ def parameters(thing):
 
 
 def test_the_public_names_are_the_promised_ones():
-    assert set(rt.__all__) == FUNCTIONS | CLASSES
+    assert set(rt.__all__) == FUNCTIONS | CLASSES | ROOMS
     assert rt.__all__ == sorted(rt.__all__)
     assert all(callable(getattr(rt, name)) for name in FUNCTIONS)
     assert all(inspect.isclass(getattr(rt, name)) for name in CLASSES)

@@ -226,7 +226,7 @@ def test_smooth_glass_compiles_the_interpolation_but_never_what_nothing_asked_fo
     for title in cold[2]["kept"]:
         assert not any(word in title for word in ("MollerTrumbore", "Stratified", "Independent"))
         assert "Sobol" in title or "camera_rays" not in title
-        assert "float32" in title
+        assert "float32" in title or ".errors(" in title  # errors of sums, which are float64
         in_double = [
             record for record in ("Nodes", "Leaves", "Points", "Shading", "View") if f"{record}(float64" in title
         ]

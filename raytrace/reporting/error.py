@@ -76,7 +76,7 @@ def compare(image: Any, reference: Any) -> Comparison:
     >>> compare(1.25 * grey, grey).relative_bias
     (0.25, 0.25, 0.25)
     """
-    a, b = _light(image, "image"), _light(reference, "reference")
+    a, b = light_of(image, "image"), light_of(reference, "reference")
     if a.shape != b.shape:
         raise ValueError(
             f"pictures of different size: {a.shape[1]}x{a.shape[0]} against a reference of {b.shape[1]}x{b.shape[0]}"
@@ -155,16 +155,27 @@ def ssim(a: NDArray[np.floating], b: NDArray[np.floating]) -> float:
     ----------
     [Wang2004], by scikit-image.
     """
+    return _similarity(a, b)[0]
+
+
+def ssim_map(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Structural similarity around each pixel, as ``ssim`` means it: (h, w), the mean of the channels."""
+    return _similarity(a, b)[1]
+
+
+def _similarity(a: NDArray[np.floating], b: NDArray[np.floating]) -> tuple[float, NDArray[np.float64]]:
     try:
         from skimage.metrics import structural_similarity  # 0.2 s: only where pictures are compared
     except ImportError:
         raise RaytraceError('comparing pictures needs scikit-image: pip install "raytrace[report]"') from None
     codes = [screen(a), screen(b)]
-    if min(a.shape[:2]) <= 2 * SSIM_RADIUS:
-        margin = (SSIM_RADIUS, SSIM_RADIUS)
-        codes = [np.pad(code, (margin, margin, (0, 0)), mode="symmetric") for code in codes]
+    margin = SSIM_RADIUS if min(a.shape[:2]) <= 2 * SSIM_RADIUS else 0
+    if margin:
+        codes = [np.pad(code, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric") for code in codes]
     wang = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False}
-    return float(structural_similarity(*codes, data_range=1.0, channel_axis=2, **wang))
+    mean, everywhere = structural_similarity(*codes, data_range=1.0, channel_axis=2, full=True, **wang)
+    height, width = a.shape[:2]
+    return float(mean), everywhere[margin : margin + height, margin : margin + width].mean(axis=2)
 
 
 def worst_tile(difference: NDArray[np.floating]) -> tuple[float, tuple[int, int]]:
@@ -198,7 +209,8 @@ def worst_tile(difference: NDArray[np.floating]) -> tuple[float, tuple[int, int]
     return float(means[row, column]), (int(rows[row]), int(columns[column]))
 
 
-def _light(picture: Any, name: str) -> NDArray[np.float64]:
+def light_of(picture: Any, name: str) -> NDArray[np.float64]:
+    """Linear radiance of what ``compare`` takes: (h, w, 3)."""
     if isinstance(picture, str | os.PathLike):
         picture = load(picture)
     values: ArrayLike = getattr(picture, "rgb", picture)

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -39,13 +40,16 @@ def check_matplotlib() -> None:
 def plots(points: Sequence[Point], front: Sequence[bool], orders: Sequence[Order], title: str) -> dict[str, bytes]:
     """Draw both plots, each as PNG and as SVG; the files' content by name."""
     import matplotlib as mpl
+    from matplotlib.figure import Figure  # without pyplot: no window system is asked for
 
     files: dict[str, bytes] = {}
     with mpl.rc_context(STYLE):
-        for name, figure in (
-            ("error-against-time", _against_time(points, front, title)),
-            ("error-against-samples", _against_samples(points, orders, title)),
+        for name, draw in (
+            ("error-against-time", partial(_against_time, points, front, title)),
+            ("error-against-samples", partial(against_samples, points, orders, title)),
         ):
+            figure = Figure(SIZE)
+            draw(figure.add_axes((0.12, 0.11, 0.86, 0.82)))
             for kind in ("png", "svg"):
                 stream = io.BytesIO()
                 metadata = {"Date": None} if kind == "svg" else {"Software": None}  # the same plot, the same bytes
@@ -54,12 +58,9 @@ def plots(points: Sequence[Point], front: Sequence[bool], orders: Sequence[Order
     return files
 
 
-def _axes(points: Sequence[Point], title: str, x_label: str) -> tuple[Any, Any]:
-    from matplotlib.figure import Figure  # without pyplot: no window system is asked for
+def _scale(axes: Any, points: Sequence[Point], title: str, x_label: str) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    figure = Figure(SIZE)
-    axes = figure.add_axes((0.12, 0.11, 0.86, 0.82))
     scale = "log" if any(point.rmse_srgb for point in points) else "linear"  # zero has no logarithm
     axes.set(xscale="log", yscale=scale, title=title, xlabel=x_label, ylabel="RMSE on a screen (sRGB)")
     for axis in (axes.xaxis, axes.yaxis):
@@ -67,7 +68,6 @@ def _axes(points: Sequence[Point], title: str, x_label: str) -> tuple[Any, Any]:
             axis.set_major_locator(LogLocator(10, subs=(1, 2, 5)))
             axis.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
             axis.set_minor_formatter(NullFormatter())
-    return figure, axes
 
 
 def _look(way: Way) -> dict[str, Any]:
@@ -88,8 +88,8 @@ def _look(way: Way) -> dict[str, Any]:
     }
 
 
-def _against_time(points: Sequence[Point], front: Sequence[bool], title: str) -> Any:
-    figure, axes = _axes(points, title, "seconds a picture")
+def _against_time(points: Sequence[Point], front: Sequence[bool], title: str, axes: Any) -> None:
+    _scale(axes, points, title, "seconds a picture")
     for way, curve in curves_of(points).items():
         axes.plot([p.seconds for p in curve], [p.rmse_srgb for p in curve], label=way.name, markersize=6, **_look(way))
     best = sorted((p.seconds, p.rmse_srgb) for p, kept in zip(points, front, strict=True) if kept)
@@ -97,11 +97,11 @@ def _against_time(points: Sequence[Point], front: Sequence[bool], title: str) ->
     axes.step(x, y, where="post", color="black", linewidth=5, alpha=0.15, label="Pareto front", zorder=0)
     axes.plot(x, y, "o", markersize=13, markerfacecolor="none", markeredgecolor="black", alpha=0.6)
     axes.legend(fontsize=10)
-    return figure
 
 
-def _against_samples(points: Sequence[Point], orders: Sequence[Order], title: str) -> Any:
-    figure, axes = _axes(points, title, "samples per pixel")
+def against_samples(points: Sequence[Point], orders: Sequence[Order], title: str, axes: Any) -> None:
+    """Draw error against samples on matplotlib's axes, with a fitted line for each way."""
+    _scale(axes, points, title, "samples per pixel")
     fits = {order.way: order for order in orders}
     for way, curve in curves_of(points).items():
         label = way.name + (f": spp^{fits[way].order:.2f}" if way in fits else "")
@@ -112,7 +112,6 @@ def _against_samples(points: Sequence[Point], orders: Sequence[Order], title: st
             x = np.array([min(p.spp for p in curve), max(p.spp for p in curve)])
             axes.plot(x, fits[way].at_one * x ** fits[way].order, color=look["color"], linestyle=look["linestyle"])
     axes.legend(fontsize=10)
-    return figure
 
 
 def heat(error: Any) -> Any:

@@ -1,0 +1,41 @@
+"""Pictures of the algorithm, as ``rt.show``: what the tree, a ray, a sampler and an error look like.
+
+Each function returns a ``Drawing``: it shows itself in a notebook, saves itself as PNG or SVG, and holds the numbers
+that it shows. They need matplotlib: ``pip install "raytrace[report]"``.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from raytrace.show.cost import heatmap
+    from raytrace.show.curves import convergence
+    from raytrace.show.difference import error
+    from raytrace.show.drawing import Drawing
+    from raytrace.show.journey import path
+    from raytrace.show.levels import bvh
+    from raytrace.show.points import samples
+
+_HOME = {
+    "Drawing": "drawing",
+    "bvh": "levels",
+    "convergence": "curves",
+    "error": "difference",
+    "heatmap": "cost",
+    "path": "journey",
+    "samples": "points",
+}
+
+__all__ = ["Drawing", "bvh", "convergence", "error", "heatmap", "path", "samples"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,50 @@
+"""``convergence``: error against samples, as a report measured it."""
+
+import numpy as np
+
+from raytrace.reporting.analysis import curves_of
+from raytrace.reporting.plots import against_samples
+from raytrace.reporting.sweep import Report
+from raytrace.show.drawing import Drawing, sheet
+
+
+def convergence(report: Report) -> Drawing:
+    """Draw how fast the error falls with the number of samples, for every way of drawing that a report measured.
+
+    Parameters
+    ----------
+    report : Report
+        What ``rt.report`` returned.
+
+    Returns
+    -------
+    Drawing
+        ``data``: an (n, 3) array for each way, by its name: samples per pixel, RMSE on a screen (sRGB), seconds a
+        picture.
+
+    Raises
+    ------
+    RaytraceError
+        matplotlib isn't installed.
+
+    Notes
+    -----
+    Both axes are logarithmic: an error that falls as spp^-k is a straight line of slope -k. Lines are fits, and the
+    legend tells their slopes; independent samples have -1/2.
+
+    Examples
+    --------
+    >>> import raytrace as rt
+    >>> report = rt.report("scenes/cornell-box.json", "out", size=(64, 64), budget=10)  # doctest: +SKIP
+    >>> rt.show.convergence(report).save("convergence.svg")  # doctest: +SKIP
+    """
+    data = {
+        way.name: np.array([(point.spp, point.rmse_srgb, point.seconds) for point in curve], np.float64)
+        for way, curve in curves_of(report.points).items()
+    }
+    title = f"{report.about_scene['name']}: error against samples"
+    with sheet(10, 6.4) as figure:
+        axes = figure.subplots()
+        axes.grid(alpha=0.3)
+        against_samples(report.points, report.orders, title, axes)
+    return Drawing(title, data, figure)

@@ -1,0 +1,123 @@
+"""``Drawing``: a picture of the algorithm, with the numbers that it shows."""
+
+import io
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from raytrace.errors import FileError, RaytraceError
+from raytrace.reporting.folder import check_folder, write
+
+DPI = 160  # dots per inch of a PNG
+SHOWN = 80  # of them per inch of a notebook, so that screens with small pixels show all
+STYLE: Any = {
+    "font.size": 13,
+    "axes.titlesize": 14,
+    "figure.titlesize": 16,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "svg.hashsalt": "raytrace",
+}
+# told apart by the colour-blind   [Okabe2008]
+BLACK, ORANGE, SKY, GREEN = "#000000", "#e69f00", "#56b4e9", "#009e73"
+YELLOW, BLUE, VERMILION, PURPLE = "#f0e442", "#0072b2", "#d55e00", "#cc79a7"
+
+
+class Drawing:
+    """What the functions of ``rt.show`` return.
+
+    Attributes
+    ----------
+    title : str
+        What it shows, in a line.
+    data : dict of str to array
+        The numbers that are drawn; the function that made it says which.
+    figure : matplotlib.figure.Figure
+        To change before it is shown or saved.
+
+    Examples
+    --------
+    >>> import raytrace as rt
+    >>> drawing = rt.show.samples("sobol", 16)
+    >>> drawing
+    <Drawing: sobol: 16 samples of pixel (1, 1), seed 0: points>
+    >>> drawing.save("points.svg")  # doctest: +SKIP
+    """
+
+    def __init__(self, title: str, data: Mapping[str, NDArray[Any]], figure: Any) -> None:
+        self.title, self.data, self.figure = title, dict(data), figure
+
+    def __repr__(self) -> str:
+        return f"<Drawing: {self.title}: {', '.join(self.data)}>"
+
+    def save(self, path: str | Path) -> Path:
+        """Write the drawing; the ending, .png or .svg, picks the format. The file appears whole or not at all.
+
+        Parameters
+        ----------
+        path : str or Path
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        FileError
+            Another ending, or a place that can't be written to.
+
+        Examples
+        --------
+        >>> import raytrace as rt
+        >>> rt.show.samples("sobol", 16).save("points.svg").name  # doctest: +SKIP
+        'points.svg'
+        """
+        path = Path(path)
+        kind = path.suffix.lower()[1:]
+        if kind not in ("png", "svg"):
+            raise FileError(f"{path}: unknown kind of drawing {path.suffix!r}; use .png or .svg")
+        check_folder(path.parent)
+        return write(path.parent, {path.name: self.encode(kind)})[0]
+
+    def encode(self, kind: str) -> bytes:
+        """The content of a file, "png" or "svg"; the same drawing gives the same bytes."""
+        import matplotlib as mpl
+
+        stream = io.BytesIO()
+        metadata = {"Date": None} if kind == "svg" else {"Software": None}
+        with mpl.rc_context(STYLE):
+            self.figure.savefig(stream, format=kind, dpi=DPI, metadata=metadata, facecolor="white")
+        return stream.getvalue()
+
+    def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
+        width, height = (round(SHOWN * inches) for inches in self.figure.get_size_inches())
+        return self.encode("png"), {"width": width, "height": height}
+
+
+@contextmanager
+def sheet(width: float, height: float) -> Iterator[Any]:
+    """An empty figure to draw on, in the style of all of them; width and height in inches.
+
+    Raises
+    ------
+    RaytraceError
+        matplotlib isn't installed.
+    """
+    try:
+        import matplotlib as mpl
+        from matplotlib.figure import Figure  # without pyplot: no window system is asked for
+    except ImportError:
+        raise RaytraceError('rt.show needs matplotlib: pip install "raytrace[report]"') from None
+    with mpl.rc_context(STYLE):
+        yield Figure((width, height), layout="constrained")
+
+
+def show_picture(axes: Any, picture: Any, **more: Any) -> Any:
+    """An array on axes, each of its pixels a square, with no ticks; more as matplotlib's ``imshow`` takes it."""
+    axes.set(xticks=[], yticks=[])
+    axes.spines[:].set(visible=True, color="#aaaaaa", linewidth=0.6)
+    return axes.imshow(picture, interpolation="nearest", **more)

@@ -1,0 +1,87 @@
+"""The course: every notebook runs, and its checks tell an unsolved exercise, a mistake and the solution apart."""
+
+import ast
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import raytrace
+from notebook_cells import FOLDER, NOTEBOOKS, answers_of, cells_of, exercise_of
+
+ROOT = FOLDER.parents[1]
+COLUMNS = 100  # what a page of the site has room for
+
+
+def test_there_are_seven_notebooks_in_their_order():
+    assert [name[:2] for name in NOTEBOOKS] == [f"0{k}" for k in range(1, 8)]
+    index = (FOLDER / "index.md").read_text("utf-8")
+    assert re.findall(r"^(0\d-[\w-]+)$", index, re.MULTILINE) == NOTEBOOKS
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS)
+def test_checks_tell_solutions_from_mistakes(notebook):
+    here = {"PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "utf-8", "MPLBACKEND": "Agg"}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", Path(__file__).parent / "run_notebook.py", notebook],
+        capture_output=True,
+        encoding="utf-8",
+        timeout=600,
+        env=os.environ | here,
+    )
+    assert done.returncode == 0, done.stderr
+    for exercise, (unsolved, mistaken, solved) in json.loads(done.stdout).items():
+        assert unsolved == "yours to do", f"{exercise} as it stands: {unsolved}"
+        assert mistaken.startswith("not yet: "), f"{exercise} with a mistake: {mistaken}"
+        assert "Error" not in mistaken, f"{exercise}: a check says what is wrong in its own words, not {mistaken}"
+        assert solved == "solved", f"{exercise} with its solution: {solved}"
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS)
+def test_a_notebook_has_exercises(notebook):
+    checked = [name for name in map(exercise_of, cells_of(notebook)) if name]
+    assert checked == [f"{int(notebook[:2])}.{k}" for k in range(1, len(checked) + 1)]
+    assert len(checked) >= 3
+    assert list(answers_of(notebook)) == checked
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS)
+def test_notebooks_use_the_public_face_alone(notebook):
+    for tree in map(ast.parse, cells_of(notebook)):
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom):
+                assert not node.module.startswith("raytrace"), ast.unparse(node)
+            elif isinstance(node, ast.Import):
+                assert not any(name.name.startswith("raytrace.") for name in node.names), ast.unparse(node)
+            elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "rt":
+                assert node.attr in raytrace.__all__
+            elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "rt.show":
+                assert node.attr in raytrace.show.__all__
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS)
+def test_code_fits_the_page(notebook):
+    code = cells_of(notebook) + [answer for pair in answers_of(notebook).values() for answer in pair]
+    assert not [line for cell in code for line in cell.splitlines() if len(line) > COLUMNS]
+
+
+def test_a_check_reports_and_does_not_stop_the_notebook():
+    program = """
+import course
+with course.check("a"): raise NotImplementedError
+with course.check("b"): assert 1 == 2, "one is not two"
+with course.check("c"): 1 / 0
+with course.check("d"): pass
+assert list(course.RESULTS.values()) == [
+    "yours to do", "not yet: one is not two", "not yet: ZeroDivisionError: division by zero", "solved"]
+"""
+    here = {"PYTHONPATH": os.pathsep.join([str(ROOT), str(FOLDER)]), "PYTHONIOENCODING": "utf-8"}
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, encoding="utf-8", timeout=120, env=os.environ | here
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "✓ exercise d: solved"
