@@ -16,11 +16,12 @@ from raytrace.reporting.error import TILE, ssim_map
 
 WIDTH = 320  # screen pixels that a small picture is blown up to, by a whole factor
 DARKER, BRIGHTER, NOT_FINITE = (0, 114, 178), (213, 94, 0), (255, 0, 255)  # blue, vermilion, magenta
+SHARE = 0.995  # of the pixels lie within the scale of the difference
 STYLE = """
 body { font: 16px/1.45 system-ui, sans-serif; margin: 1.2em; color: #111; }
 h1 { font-size: 1.4em; margin: 0; } .why { background: #fdeee6; border-left: .3em solid #d55e00; padding: .5em .8em; }
-.row { display: flex; flex-wrap: wrap; gap: 1em; } figure { margin: 0; } small { color: #555; display: block; }
-img { image-rendering: pixelated; display: block; outline: 1px solid #bbb; } .swap img { cursor: pointer; }
+.row { display: flex; flex-wrap: wrap; gap: 1em; } figure { margin: 0; width: min-content; } small { color: #555; display: block; }
+figcaption { height: 2.9em; } img { image-rendering: pixelated; display: block; outline: 1px solid #bbb; } .swap img { cursor: pointer; }
 table { border-collapse: collapse; margin-top: 1em; } td { padding: .1em 1em .1em 0; } code { background: #f2f2f2; }
 """
 SCRIPT = """
@@ -47,20 +48,19 @@ def page(failure: Failure) -> str:
     """Write the page."""
     title = f"golden {failure.name}"
     actual = _figure("actual", "", srgb8(failure.actual))
-    figures = [actual]
+    figures, numbers = [actual], ""
     if failure.golden is not None:
         figures = [_figure("expected", "", srgb8(failure.golden.rgb)), actual]
     if failure.golden is not None and failure.verdict is not None:
-        hint = "press on one of the first two to see the other"
         figures = [f'<div class="row swap">{"".join(figures)}</div>', *_maps(failure.actual, failure.golden)]
-        figures += [f"<p><small>{hint}</small></p>", _table(failure.verdict)]
+        numbers = f"<p><small>Press on one of the first two to see the other.</small></p>{_table(failure.verdict)}"
     lines = [
         "<!doctype html>",
         f'<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title><style>{STYLE}</style></head>',
         f"<body><h1>{escape(title)}</h1><p><code>{escape(failure.test)}</code></p>",
         f'<p class="why">{escape(failure.why)}</p><div class="row">',
         *figures,
-        f"</div></body><script>{SCRIPT}</script></html>",
+        f"</div>{numbers}</body><script>{SCRIPT}</script></html>",
     ]
     return "\n".join(lines) + "\n"
 
@@ -85,12 +85,12 @@ def _maps(actual: NDArray[np.float64], golden: Approved) -> list[str]:
     least = min(float(similarity.min()), 0.999)
     grey = np.clip((similarity - least) / (1 - least), 0, 1)[..., None] * np.ones(3)
     maps = [
-        _signed("difference", difference, float(np.abs(difference).max()), "luminance", finite),
+        _signed("difference", difference, float(np.quantile(np.abs(difference), SHARE)), "luminance", finite),
         _figure("SSIM", f"black {least:.3g}, white 1", (255 * grey + 0.5).astype(np.uint8)),
     ]
     if golden.stderr is not None:
         z = difference / noise_of(golden.rgb, golden.stderr, golden.pictures).deviation
-        maps.append(_signed("difference in deviations", z, 5.0, "standard deviations", finite))
+        maps.append(_signed("difference in deviations", z, 5.0, "deviations", finite))
     return maps
 
 
