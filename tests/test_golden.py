@@ -1,7 +1,6 @@
 """Every shipped scene still looks as it did when its picture was approved: same seed, same samples, same light."""
 
 import raytrace as rt
-from golden_gate import GOLDEN
 from shipped_scenes import SCENES, each_scene, load
 from small_scenes import studio
 
@@ -9,12 +8,14 @@ from small_scenes import studio
 @each_scene
 def test_scene_looks_like_its_golden(path, golden):
     scene = load(path)
-    golden(path.stem, rt.render(scene, size=(96, 96), spp=16, sampler="sobol", precision="float32", seed=0).rgb)
+    golden.check(rt.render(scene, size=(96, 96), spp=16, sampler="sobol", precision="float32", seed=0), path.stem)
 
 
 def test_studio_looks_like_its_golden(golden):
-    golden("studio", rt.render(studio()).rgb)
+    golden.check(rt.render(studio()), "studio")
 
 
-def test_no_golden_is_left_over():
-    assert {path.stem for path in GOLDEN.glob("*.npz")} == {path.stem for path in SCENES} | {"studio"}
+def test_no_golden_is_left_over(golden):
+    folder = golden.place.folder
+    assert {path.stem for path in folder.glob("*.npz")} == {path.stem for path in SCENES} | {"studio"}
+    assert {path.stem for path in folder.glob("*.png")} == {path.stem for path in folder.glob("*.npz")}

@@ -198,15 +198,21 @@ def worst_tile(difference: NDArray[np.floating]) -> tuple[float, tuple[int, int]
     Tiles start at multiples of 8; a last one that would hang over the edge is moved inwards, so that all tiles are
     whole and one pixel at the edge weighs no more than elsewhere. A picture narrower than 8 has one tile, as narrow.
     """
-    side = [min(TILE, extent) for extent in difference.shape[:2]]
+    means, rows, columns = tile_means(difference)
+    size = np.abs(means).max(axis=2)
+    row, column = np.unravel_index(np.argmax(size), size.shape)
+    return float(size[row, column]), (int(rows[row]), int(columns[column]))
+
+
+def tile_means(field: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDArray[np.int64], NDArray[np.int64]]:
+    """Means of an (h, w, c) field over the tiles of ``worst_tile``, (r, k, c); their first rows (r,), columns (k,)."""
+    side = [min(TILE, extent) for extent in field.shape[:2]]
     rows, columns = (
         np.unique(np.append(np.arange(0, extent - size + 1, size), extent - size))
-        for extent, size in zip(difference.shape[:2], side, strict=True)
+        for extent, size in zip(field.shape[:2], side, strict=True)
     )
-    windows = np.lib.stride_tricks.sliding_window_view(difference, side, axis=(0, 1))
-    means = np.abs(windows[np.ix_(rows, columns)].mean(axis=(3, 4))).max(axis=2)
-    row, column = np.unravel_index(np.argmax(means), means.shape)
-    return float(means[row, column]), (int(rows[row]), int(columns[column]))
+    windows = np.lib.stride_tricks.sliding_window_view(field, side, axis=(0, 1))
+    return windows[np.ix_(rows, columns)].mean(axis=(3, 4)), rows, columns
 
 
 def light_of(picture: Any, name: str) -> NDArray[np.float64]:

@@ -86,7 +86,7 @@ def draw_section(subject: Subject, steps: Steps, axes: Any) -> None:
     axes.set(
         xlim=(middle[0] - 1.6 * half, middle[0] + 1.6 * half), ylim=(middle[1] - half, middle[1] + half), aspect="equal"
     )
-    off = float(np.abs(plane.coordinates(np.array([step.p for step in met]))[:, 2]).max())
+    off = float(np.abs(plane.coordinates(np.array([step.p for step in bent]))[:, 2]).max())
     note = "" if off < 0.01 * half else f"; the path leaves it by up to {off:.2g}"
     axes.set_title(f"cut along the plane of incidence at 1{note}", loc="left")
     _scale_bar(axes, middle, half)
@@ -139,5 +139,11 @@ def _scale_bar(axes: Any, middle: NDArray[np.float64], half: float) -> None:
     x, y = middle[0] + 1.5 * half - length, middle[1] - 0.9 * half
     axes.plot([x, x + length], [y, y], color=BLACK, linewidth=4, solid_capstyle="butt", zorder=9)
     axes.text(
-        x + length / 2, y + 0.04 * half, f"{length:g} world units", ha="center", va="bottom", fontsize=12, zorder=9
+        x + length / 2,
+        y + 0.04 * half,
+        f"{length:g} world unit{'s' * (length != 1)}",
+        ha="center",
+        va="bottom",
+        fontsize=12,
+        zorder=9,
     )

@@ -1,0 +1,90 @@
+"""The gates: what has to hold between a picture and its golden."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.golden.noise import Noise, critical, noise_of
+from raytrace.golden.store import Approved
+from raytrace.image import LUMINANCE
+from raytrace.reporting.error import TILE, Comparison, Limits, compare, tile_means, violations
+
+
+class Gates(NamedTuple):
+    """Limits; None: no limit. Pixels that aren't finite fail always.
+
+    With the same seed, the same address of every random number, all that may differ is rounding. On planted bugs an
+    SSIM of 0.999 alone missed a light 3 % too bright and the mean alone a half-pixel shift; the four together missed
+    none. Outliers: 9 pixels of 96 x 96, for rays whose last bit decides between two surfaces.
+    """
+
+    min_ssim: float | None = 0.999
+    max_bias: float | None = 1e-3
+    max_worst_tile: float | None = 5e-3
+    max_outliers: float | None = 1e-3
+    alpha: float | None = 0.01  # of noisy pictures: chance that the whole of a right one fails
+    max_rejected: float | None = 0.0025  # of noisy pictures: share of pixels, for noise that isn't normal
+
+
+class Verdict(NamedTuple):
+    """What the gates found; true if all is well."""
+
+    broken: tuple[str, ...]  # the gates that fail, a line each
+    comparison: Comparison
+    rejected: float | None  # share of pixels that fail the z-test; None: the golden has no noise
+    worst_z: float | None  # largest difference of a pixel, in deviations
+
+    def __bool__(self) -> bool:
+        return not self.broken
+
+    def __str__(self) -> str:
+        c = self.comparison
+        bias = ", ".join(f"{value:+.3g}" for value in c.relative_bias)
+        text = f"ssim {c.ssim:.6g}, bias {bias}, worst tile {c.worst_tile:.3g}, outliers {c.outliers:.3g}"
+        noise = "" if self.rejected is None else f", rejected {self.rejected:.3g}, worst z {self.worst_z:.3g}"
+        return text + noise
+
+
+def judge(actual: NDArray[np.float64], golden: Approved, gates: Gates) -> Verdict:
+    """Compare a picture with its golden, both (h, w, 3) linear light of the same size."""
+    comparison = compare(actual, golden.rgb)
+    limits = Limits(
+        min_ssim=gates.min_ssim,
+        max_bias=gates.max_bias,
+        max_worst_tile=gates.max_worst_tile,
+        max_outliers=gates.max_outliers,
+    )
+    if golden.stderr is None:
+        return Verdict(tuple(violations(comparison, limits)), comparison, None, None)
+    finite: NDArray[np.bool_] = np.all(np.isfinite(actual), axis=2)
+    difference = (np.where(finite[..., None], actual, golden.rgb) - golden.rgb) @ LUMINANCE
+    noise = noise_of(golden.rgb, golden.stderr, golden.pictures)
+    z = np.abs(difference) / noise.deviation
+    if gates.alpha is None:
+        return Verdict(tuple(violations(comparison, limits)), comparison, 0.0, float(z.max()))
+    rejected = float(np.mean(z > critical(noise, gates.alpha, z.size)))
+    broken = violations(_beyond(comparison, difference, golden, noise, gates.alpha), limits)
+    if gates.max_rejected is not None and rejected > gates.max_rejected:
+        broken.append(f"share of pixels that fail the z-test {rejected:.6g} is above {gates.max_rejected:g}")
+    return Verdict(tuple(broken), comparison, rejected, float(z.max()))
+
+
+def _beyond(
+    comparison: Comparison, difference: NDArray[np.float64], golden: Approved, noise: Noise, alpha: float
+) -> Comparison:
+    """Take from the means of channels and tiles what the noise of luminance explains."""
+    level = float((golden.rgb @ LUMINANCE).mean())
+    variance = noise.deviation**2
+    whole = critical(noise, alpha, 1) * float(np.sqrt(variance.sum())) / variance.size / level
+    bias = [np.sign(value) * max(abs(value) - whole, 0.0) for value in comparison.relative_bias]
+    side = min(TILE, difference.shape[0]) * min(TILE, difference.shape[1])
+    means, rows, columns = tile_means(difference[..., None])
+    deviation = np.sqrt(tile_means(variance[..., None])[0] / side)
+    excess = (np.abs(means) - critical(noise, alpha, means.size) * deviation)[..., 0]
+    row, column = np.unravel_index(np.argmax(excess), excess.shape)
+    return comparison._replace(
+        relative_bias=(float(bias[0]), float(bias[1]), float(bias[2])),
+        worst_tile=max(float(excess[row, column]), 0.0) / level,
+        worst_tile_at=(int(rows[row]), int(columns[column])),
+    )

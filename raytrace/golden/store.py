@@ -1,0 +1,42 @@
+"""Golden files: ``<name>.npz``, the exact light, and ``<name>.png`` for eyes."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace import image
+
+PICTURES = "pictures"  # provenance: of how many pictures the golden is the mean
+
+
+class Approved(NamedTuple):
+    """A golden picture: one picture, or the mean of several that differ by noise."""
+
+    rgb: NDArray[np.float64]  # (h, w, 3): linear light
+    stderr: NDArray[np.float64] | None  # (h, w): standard error of the luminance of the mean; None: one picture
+    pictures: int  # how many
+
+
+def read(path: Path) -> Approved:
+    """Read a golden file.
+
+    Raises
+    ------
+    FileError
+        It is missing or broken.
+    """
+    held = image.load(path)
+    pictures = int(held.provenance.get(PICTURES, 1))
+    if held.stderr is None or pictures < 2:
+        return Approved(held.rgb.astype(np.float64), None, 1)
+    return Approved(held.rgb.astype(np.float64), held.stderr.astype(np.float64), pictures)
+
+
+def write(path: Path, golden: Approved) -> None:
+    """Write a golden file, and a picture for eyes beside it; each appears whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    provenance = {PICTURES: golden.pictures} if golden.pictures > 1 else {}
+    image.save(path, golden.rgb, stderr=golden.stderr, provenance=provenance)
+    image.save(path.with_suffix(".png"), golden.rgb)

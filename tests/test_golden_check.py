@@ -1,0 +1,166 @@
+"""A golden is written, read, and fails with a page; by hand, without pytest around it."""
+
+import re
+
+import numpy as np
+import pytest
+
+from raytrace import image
+from raytrace.golden import store
+from raytrace.golden.check import Golden, Place
+from test_golden_gates import DEFECTS, noisy, scene
+from test_page import Reader
+
+
+@pytest.fixture
+def place(tmp_path):
+    return Place(tmp_path / "tests" / "golden", tmp_path, tmp_path / "left", "tests/test_a.py::test_a")
+
+
+def write(place, picture, name="box", **more):
+    return Golden(place, {}, update=True).check(picture, name, **more)
+
+
+def check(place, picture, name="box", **more):
+    return Golden(place, {}, update=False).check(picture, name, **more)
+
+
+def files(folder):
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def test_a_missing_golden_fails_says_how_to_write_it_and_shows_the_picture(place):
+    with pytest.raises(AssertionError) as failure:
+        check(place, scene())
+    assert str(failure.value) == (
+        "golden 'box': there is no tests/golden/box.npz: look at the picture, then write it: "
+        "pytest --update-goldens 'tests/test_a.py::test_a'; see left/tests/golden/box.html"
+    )
+    assert files(place.root) == ["left/tests/golden/box.actual.npz", "left/tests/golden/box.html"]
+
+
+def test_update_writes_what_then_passes(place):
+    assert write(place, scene())
+    assert files(place.root) == ["tests/golden/box.npz", "tests/golden/box.png"]
+    assert (image.load(place.folder / "box.npz").rgb == scene()).all()
+    assert check(place, scene())
+    assert files(place.root) == ["tests/golden/box.npz", "tests/golden/box.png"]
+
+
+def test_a_name_may_have_folders(place):
+    write(place, scene(), "shapes/round/box")
+    assert files(place.folder) == ["shapes/round/box.npz", "shapes/round/box.png"]
+    with pytest.raises(AssertionError, match=r"see left/tests/golden/shapes/round/box\.html"):
+        check(place, 2 * scene(), "shapes/round/box")
+
+
+@pytest.mark.parametrize("name", ["", ".", "/box", "../box", "a/../../box", "a\\b"])
+def test_a_name_that_leads_elsewhere_is_refused(place, name):
+    with pytest.raises(ValueError, match="expected a name like 'box'"):
+        write(place, scene(), name)
+    assert files(place.root) == []
+
+
+def test_update_refuses_a_picture_that_is_not_finite(place):
+    with pytest.raises(AssertionError, match="finite"):
+        write(place, DEFECTS["a NaN"])
+    assert files(place.root) == []
+
+
+@pytest.mark.parametrize("name", ["a firefly", "a NaN", "blue 1 % darker"])
+def test_a_failure_leaves_a_page_and_tells_its_numbers_in_one_line(place, name):
+    write(place, scene())
+    before = (place.folder / "box.npz").read_bytes()
+    with pytest.raises(AssertionError) as failure:
+        check(place, DEFECTS[name])
+    line = str(failure.value)
+    assert re.fullmatch(
+        r"golden 'box': .+ \(ssim .+, bias .+, worst tile .+, outliers .+\); see left/.+/box\.html", line
+    )
+    assert "\n" not in line
+    page = (place.root / "left/tests/golden/box.html").read_text("utf-8")
+    reader = Reader()
+    reader.feed(page)
+    assert reader.open == []
+    assert [re.sub(" <.*", "", part, flags=re.DOTALL) for part in page.split("<figcaption>")[1:]] == [
+        "expected",
+        "actual",
+        "difference",
+        "SSIM",
+    ]
+    assert len(reader.links) == 4
+    assert all(link.startswith("data:image/png") for link in reader.links)
+    assert not re.findall(r"https?://|@import|url\(", page)
+    assert ("magenta" in page) == (name == "a NaN")
+    np.testing.assert_array_equal(
+        image.load(place.root / "left/tests/golden/box.actual.npz").rgb, np.float32(DEFECTS[name])
+    )
+    assert (place.folder / "box.npz").read_bytes() == before  # only --update-goldens writes a golden
+
+    check(place, scene())
+    assert files(place.root / "left") == []  # nothing stale beside a pass
+
+
+def test_another_size_is_told(place):
+    write(place, scene())
+    with pytest.raises(AssertionError, match="the size is 64x47 instead of 64x48; see"):
+        check(place, scene()[1:])
+    page = (place.root / "left/tests/golden/box.html").read_text("utf-8")
+    assert "expected" in page
+    assert "SSIM" not in page
+
+
+def test_limits_come_from_the_configuration_and_then_from_the_call(place):
+    write(place, scene())
+    brighter = 1.0015 * scene()
+    with pytest.raises(AssertionError, match="relative bias of red"):
+        check(place, brighter)
+    assert check(place, brighter, max_bias=0.01)
+    assert check(place, brighter, max_bias=None)
+    assert Golden(place, {"max_bias": 0.01}, update=False).check(brighter, "box")
+    with pytest.raises(AssertionError, match=r"is above 0\.001"):
+        Golden(place, {"max_bias": 0.01}, update=False).check(brighter, "box", max_bias=0.001)
+    with pytest.raises(ValueError, match="unknown gates min_sim; the gates are min_ssim, max_bias, "):
+        check(place, brighter, min_sim=0.5)
+
+
+def test_bytes_and_files_are_goldens_too(place, tmp_path):
+    codes = image.srgb8(scene())
+    write(place, codes)
+    verdict = check(place, codes)
+    assert verdict.comparison.rmse < 1e-8  # of float32
+    image.save(tmp_path / "a.png", scene())
+    assert check(place, tmp_path / "a.png")
+    with pytest.raises(AssertionError, match="bias"):
+        check(place, codes, encoding="linear")
+
+
+def test_a_function_of_a_seed_is_tested_against_the_noise_of_others(place):
+    seeds = []
+
+    def draw(seed):
+        seeds.append(seed)
+        return noisy(seed)
+
+    write(place, draw, pictures=32)
+    assert sorted(set(seeds)) == list(range(33))
+    held = store.read(place.folder / "box.npz")
+    assert held.pictures == 32
+    assert held.stderr.mean() == pytest.approx(0.1 * (scene() @ [0.2126, 0.7152, 0.0722]).mean() / np.sqrt(32), rel=0.1)
+    seeds.clear()
+    verdict = check(place, draw)
+    assert seeds == [0]
+    assert verdict.rejected <= 0.0025
+    assert check(place, noisy(99))  # a picture that was drawn elsewhere
+    with pytest.raises(AssertionError, match=r"bias .*, rejected .*, worst z .*; see"):
+        check(place, lambda seed: 1.02 * noisy(seed))
+    page = (place.root / "left/tests/golden/box.html").read_text("utf-8")
+    assert "difference in deviations" in page
+    with pytest.raises(AssertionError, match="ssim"):
+        check(place, draw, min_ssim=0.999)  # because it is asked for
+
+
+def test_a_variance_needs_two_pictures(place):
+    with pytest.raises(ValueError, match="pictures: expected 2 or more"):
+        write(place, noisy, pictures=1)
+    assert files(place.root) == []

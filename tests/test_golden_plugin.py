@@ -1,0 +1,116 @@
+"""The plugin in a pytest of its own, as another project has it."""
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from test_init import HEAVY, python
+
+ROOT = Path(__file__).parents[1]
+TESTS = """
+import numpy as np
+import pytest
+
+@pytest.mark.parametrize("level", range(4))
+def test_grey(golden, level):
+    golden.check(np.full((16, 16, 3), 0.1 + 0.2 * level) * SCALE, f"grey-{level}")
+
+def test_noise(golden):
+    golden.check(lambda seed: SCALE * np.random.default_rng(seed).uniform(size=(16, 16)), "noise")
+"""
+
+
+@pytest.fixture
+def project(tmp_path):
+    """Another project: a folder with one file of tests, and a way to run them; output, exit code."""
+    tests = tmp_path / "checks" / "test_pictures.py"
+    tests.parent.mkdir()
+
+    def run(*words, scale=1.0, ini="", plugin=("-p", "raytrace.golden.plugin")):
+        tests.write_text(TESTS.replace("SCALE", str(scale)))
+        (tmp_path / "pytest.ini").write_text(f"[pytest]\n{ini}")
+        command = [sys.executable, "-m", "pytest", "-p", "no:raytrace-golden", *plugin, "-q", "--color=no", *words]
+        environment = os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "400"}
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300)
+        return done.stdout + done.stderr, done.returncode
+
+    return run
+
+
+def goldens(folder):
+    return sorted(path.name for path in (folder / "checks" / "golden").glob("*"))
+
+
+def test_goldens_are_missing_then_written_then_kept(project, tmp_path):
+    output, code = project()
+    assert code == 1
+    assert "5 failed" in output
+    line = (
+        r"there is no checks/golden/grey-2\.npz: .* pytest --update-goldens 'checks/test_pictures\.py::test_grey\[2\]'"
+    )
+    assert re.search(line, output)
+    assert goldens(tmp_path) == []
+    assert project("--update-goldens", "-n", "2")[1] == 0  # with pytest-xdist
+    written = goldens(tmp_path)
+    assert written == sorted(
+        f"{name}.{kind}" for name in ("grey-0", "grey-1", "grey-2", "grey-3", "noise") for kind in ("npz", "png")
+    )
+    assert "5 passed" in project("-n", "2")[0]
+    assert not any((tmp_path / "golden-failures").rglob("*.html"))
+    output, code = project("-n", "2", scale=1.02)
+    assert code == 1
+    errors = [line for line in output.splitlines() if line.startswith("E ") and "golden 'grey-1'" in line]
+    assert len(errors) == 1
+    assert re.search(
+        r"relative bias of red 0\.02 is above 0\.001; .* \(ssim .*\); see golden-failures/checks/golden/grey-1\.html$",
+        errors[0],
+    )
+    assert "check.py" not in output  # the traceback ends in the test
+    assert len(list((tmp_path / "golden-failures").rglob("*.html"))) == 5
+    assert goldens(tmp_path) == written
+
+
+def test_options_of_the_configuration(project, tmp_path):
+    ini = "golden_folder = approved\ngolden_failures = left\ngolden_max_bias = none\ngolden_max_worst_tile = 0.05\n"
+    assert project("--update-goldens", ini=ini)[1] == 0
+    assert len(list((tmp_path / "approved").glob("*.npz"))) == 5
+    assert project(scale=1.02, ini=ini)[1] == 0
+    assert "see left/approved/grey-0.html" in project(scale=1.1, ini=ini)[0]
+    output, code = project(ini="golden_max_bias = few\n")
+    assert code != 0
+    assert "golden_max_bias: expected a number or none, got 'few'" in output
+
+
+def test_it_can_be_left_out(project):
+    output, code = project(plugin=())
+    assert code == 1
+    assert "fixture 'golden' not found" in output
+    assert project("--co", plugin=(), ini="")[1] == 0
+
+
+def test_another_plugin_of_the_same_names_keeps_them(project, tmp_path):
+    (tmp_path / "pytest_golden.py").write_text(
+        "import pytest\n"
+        "def pytest_addoption(parser):\n    parser.addoption('--update-goldens', action='store_true')\n"
+        "@pytest.fixture\ndef golden():\n    raise AssertionError('the other one')\n"
+    )
+    both = ("-p", "raytrace.golden.plugin", "-p", "pytest_golden")
+    output, code = project(plugin=both)
+    assert code == 1
+    assert "the other one" in output
+    assert "raytrace_golden" in project("--fixtures", plugin=both)[0]
+
+
+def test_the_plugin_is_light():
+    program = f"import sys, pytest, raytrace.golden.plugin; print(*({HEAVY!r} & sys.modules.keys()))"
+    assert python(program).split() == []
+
+
+def test_the_entry_point_names_the_plugin():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert project["entry-points"]["pytest11"] == {"raytrace-golden": "raytrace.golden.plugin"}
