@@ -28,6 +28,19 @@ MAY_IMPORT = {  # what is run -> the packages that it may import, beside Python'
     "rt.BVH([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])": {"numpy", "llvmlite"},
     WARM: {"numpy", "llvmlite", "platformdirs"},
 }
+HEAVY = {
+    "numba",
+    "llvmlite",
+    "numpy",
+    "pydantic",
+    "trimesh",
+    "scipy",
+    "skimage",
+    "matplotlib",
+    "PIL",
+    "OpenEXR",
+    "rich",
+}
 FUNCTIONS = {"load", "render", "explain", "compare", "reflect", "refract", "report", "spawn_ray"}
 CLASSES = {"BVH", "Render", "Scene", "Hits", "Surface", "RaytraceError", "SceneError", "FileError", "OptionError"}
 ROOMS = {"show"}

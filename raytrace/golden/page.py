@@ -20,8 +20,10 @@ SHARE = 0.995  # of the pixels lie within the scale of the difference
 STYLE = """
 body { font: 16px/1.45 system-ui, sans-serif; margin: 1.2em; color: #111; }
 h1 { font-size: 1.4em; margin: 0; } .why { background: #fdeee6; border-left: .3em solid #d55e00; padding: .5em .8em; }
-.row { display: flex; flex-wrap: wrap; gap: 1em; } figure { margin: 0; width: min-content; } small { color: #555; display: block; }
-figcaption { height: 2.9em; } img { image-rendering: pixelated; display: block; outline: 1px solid #bbb; } .swap img { cursor: pointer; }
+.row { display: flex; flex-wrap: wrap; gap: 1em; } figure { margin: 0; width: min-content; }
+small { color: #555; display: block; }
+figcaption { height: 2.9em; } img { image-rendering: pixelated; display: block; outline: 1px solid #bbb; }
+.swap img { cursor: pointer; }
 table { border-collapse: collapse; margin-top: 1em; } td { padding: .1em 1em .1em 0; } code { background: #f2f2f2; }
 """
 SCRIPT = """

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from raytrace.image import srgb8
 from raytrace.options import within
-from raytrace.records import MAX_SPP
+from raytrace.limits import MAX_SPP
 from raytrace.rendering import render
 from raytrace.show.drawing import VERMILION, Drawing, sheet, show_picture
 from raytrace.show.elevations import draw_elevations

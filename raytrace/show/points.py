@@ -9,7 +9,8 @@ from raytrace.accel.lanes import PACKET
 from raytrace.options import override, within
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.sampling import make_sampler
-from raytrace.records import MAX_SIDE, Settings, View
+from raytrace.limits import MAX_SIDE
+from raytrace.records import Settings, View
 from raytrace.show.drawing import BLUE, Drawing, sheet
 
 MOST = 1024  # points that are drawn

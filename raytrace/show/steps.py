@@ -103,7 +103,7 @@ def follow(subject: Subject, pixel: tuple[int, int], sample: int) -> Steps:
     sampler = make_sampler(settings.sampler, settings.seed, settings.spp)
     recorder = _Recorder(stage, subject.view, sampler, PACKET)
     x, y = (np.full(PACKET, number, np.uint32) for number in pixel)
-    recorder.add_samples(x, y, sample, sample + 1, np.zeros((12, PACKET)))
+    recorder.add_samples(x, y, sample, sample + 1, np.zeros((12, PACKET)), 0)
     onward = [ray.d for ray in recorder.sent[1:]] + [None]
     path = tuple(_step(subject, ray, way) for ray, way in zip(recorder.sent, onward, strict=True))
     landed = "lands" in path[-1].event
