@@ -6,7 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -25,6 +25,7 @@ from raytrace.passes.estimate import MODELS, estimate, root_mean
 from raytrace.passes.film import Film, make_film, means, put, taken
 from raytrace.passes.sampling import make_sampler
 from raytrace.picture import Layers, Render, trace_layers
+from raytrace.progress import Progress
 from raytrace.records import Scene, Settings, Window
 from raytrace.scene.load import load
 from raytrace.scene.plan import Plan, make_plan
@@ -44,16 +45,6 @@ def stage_of(scene: Scene, plan: Plan, precision: str) -> Stage:
     if precision not in stages:
         stages[precision] = make_stage(scene, plan, precision)
     return stages[precision]
-
-
-class Progress(NamedTuple):
-    """One message of a running render."""
-
-    stage: str  # "compiling", "building" or "rendering"
-    done: int  # finished parts
-    total: int  # all parts
-    rays: int  # traced so far, of all kinds
-    seconds: float  # since the stage began
 
 
 def render(

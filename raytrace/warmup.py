@@ -7,7 +7,7 @@ from itertools import product
 from raytrace.errors import FileError
 from raytrace.jit import PLAIN
 from raytrace.needs import Picture, compile_ahead
-from raytrace.rendering import Progress
+from raytrace.progress import Progress
 
 PRECISIONS, SAMPLERS = ("float32", "float64"), ("sobol", "stratified", "independent")
 

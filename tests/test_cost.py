@@ -5,6 +5,7 @@ import pytest
 
 import raytrace as rt
 from raytrace.accel import query
+from raytrace.accel.bundle import unbundled
 from raytrace.accel.door import columns_of
 from raytrace.records import Hits, Rays
 from raytrace.show.cost import count_work
@@ -27,7 +28,7 @@ def test_pixels_sum_to_what_the_tree_counts_for_rays_of_different_kinds(split):
     hits = Hits(np.empty(1, dtype), np.empty(1, np.int32), np.empty(1, dtype), np.empty(1, dtype))
     for row in d:  # the same work counts on, ray after ray
         rays = Rays(*(columns_of(np.asarray(a, dtype), 1) for a in (subject.view.origin[None], row[None], 0, np.inf)))
-        query.closest_hit(bvh.tree, rays, hits, 1, work)
+        query.closest_hit(unbundled(bvh.tree), rays, hits, 1, work)
     data = rt.show.heatmap(subject.scene, (24, 18), split=split).data
     assert (data["nodes"].sum(), data["triangles"].sum()) == tuple(work.counts)
     assert data["nodes"].shape == data["triangles"].shape == (18, 24)

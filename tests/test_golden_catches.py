@@ -67,9 +67,10 @@ def test_twin_without_a_bug_passes(approved):
     assert approved.check(draw(studio()), "studio")
 
 
-@pytest.mark.parametrize("seed", range(100, 120))
-def test_twin_without_a_bug_passes_among_noise(noisy, seed):
-    assert judge(draw(seeded(studio(), seed)), noisy, NOISY).broken == ()
+def test_twin_without_a_bug_passes_among_noise(noisy):
+    """Each of three gates fails a right picture in about 1 % of cases: more than 2 of 20 by chance in about 2 %."""
+    broken = [judge(draw(seeded(studio(), seed)), noisy, NOISY).broken for seed in range(100, 120)]
+    assert sum(map(bool, broken)) <= 2, broken
 
 
 # --- bugs in the code: the function that replaces one of the twin's --------------------------------------------------

@@ -107,8 +107,8 @@ def test_depth_that_is_spent_is_told():
 
 
 def test_shadow_rays_are_blocked_where_something_stands_in_the_way():
-    lid = quad((-1, 1, 1), (1, 1, 1), (1, 1, -1), (-1, 1, -1))
-    lights = [((0, 4, 0), (10, 10, 10)), ((3, 4, 3), (10, 10, 10)), ((0, -4, 0), (10, 10, 10))]
+    lid = quad((-2, 1, 2), (2, 1, 2), (2, 1, -2), (-2, 1, -2))
+    lights = [((0, 4, 0), (10, 10, 10)), ((9, 4, 9), (10, 10, 10)), ((0, -4, 0), (10, 10, 10))]
     subject = make_scene([Part(FLOOR), Part(lid)], lights, look((0, 0.5, 4), (0, 0, 0)))
     steps = steps_of(subject)
     assert [ray.event for ray in steps.shadows] == ["blocked", "reaches", "faces away"]

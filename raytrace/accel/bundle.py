@@ -45,6 +45,11 @@ class Bundle(NamedTuple):
     count: int  # packets
 
 
+def unbundled(tree):
+    """The same tree, through which rays go in packets or alone: no bundle is narrow enough."""
+    return tree._replace(extent=np.append(tree.extent[:6], tree.extent.dtype.type(-1)))
+
+
 @inlined
 def enter_bundle(tree, node, bundle, ends, top, work):
     """Push the children of a node that groups of a bundle meet."""

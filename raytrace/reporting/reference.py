@@ -15,8 +15,9 @@ from raytrace import image
 from raytrace.errors import FileError, OptionError
 from raytrace.limits import MAX_SEED, MAX_SPP
 from raytrace.native.store import cache_folder
+from raytrace.progress import Progress
 from raytrace.records import Scene
-from raytrace.rendering import Progress, render
+from raytrace.rendering import render
 from raytrace.reporting.error import screen
 
 AHEAD = 10.0  # the reference is so many times more accurate than what it judges

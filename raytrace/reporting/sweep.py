@@ -13,8 +13,8 @@ from raytrace.errors import OptionError
 from raytrace.image import srgb8
 from raytrace.options import override
 from raytrace.parallel import thread_count
+from raytrace.progress import Progress
 from raytrace.records import Scene
-from raytrace.rendering import Progress
 from raytrace.reporting.advice import advice
 from raytrace.reporting.analysis import Order, orders_of, pareto
 from raytrace.reporting.folder import check_folder, write

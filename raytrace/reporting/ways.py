@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from raytrace.accel.bundle import unbundled
 from raytrace.accel.bvh import BVH
 from raytrace.accel.layout import boxes_of, children_of
 from raytrace.picture import Render
@@ -112,7 +113,7 @@ def _reach(scene: Scene) -> float:
 
 def _forget_boxes(bvh: BVH, reach: float) -> None:
     """Widen all boxes until every ray meets every one: then each ray is tested against all triangles."""
-    bvh.tree.extent[6] = -1  # no frustum, which would leave out triangles too, is as narrow as that
+    bvh.tree = unbundled(bvh.tree)  # a frustum would leave out triangles
     boxes, used = boxes_of(bvh.tree.nodes), children_of(bvh.tree.nodes)[:, None, :] != 0
     for rows, plane in ((slice(0, 3), -reach), (slice(3, 6), reach)):
         boxes[:, rows] = np.where(used, plane, boxes[:, rows])

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.accel import query
+from raytrace.accel.bundle import unbundled
 from raytrace.accel.bvh import BVH
 from raytrace.records import Columns, Hits, Rays
 from raytrace.show.drawing import Drawing, sheet, show_picture
@@ -93,9 +94,9 @@ def count_work(bvh: BVH, origin: NDArray[np.floating], directions: NDArray[np.fl
     hit = Hits(np.empty(1, dtype), np.empty(1, np.int32), np.empty(1, dtype), np.empty(1, dtype))
     o, d = Columns(np.array(origin, dtype), 0, 0, 1), np.array(directions, dtype).ravel()
     tmin, tmax = Columns(np.zeros(1, dtype), 0, 0, 0), Columns(np.full(1, np.inf, dtype), 0, 0, 0)
-    work, counts = bvh.work(), np.empty((n, 2), np.int64)
+    tree, work, counts = unbundled(bvh.tree), bvh.work(), np.empty((n, 2), np.int64)
     for k in range(n):  # 8 microseconds a ray, most of them the call
         work.counts[:] = 0
-        query.closest_hit(bvh.tree, Rays(o, Columns(d, 3 * k, 3, 1), tmin, tmax), hit, 1, work)
+        query.closest_hit(tree, Rays(o, Columns(d, 3 * k, 3, 1), tmin, tmax), hit, 1, work)
         counts[k] = work.counts
     return counts

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.image import srgb8
-from raytrace.options import within
 from raytrace.limits import MAX_SPP
+from raytrace.options import within
 from raytrace.rendering import render
 from raytrace.show.drawing import VERMILION, Drawing, sheet, show_picture
 from raytrace.show.elevations import draw_elevations

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.accel.lanes import PACKET
+from raytrace.limits import MAX_SIDE
 from raytrace.options import override, within
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.sampling import make_sampler
-from raytrace.limits import MAX_SIDE
 from raytrace.records import Settings, View
 from raytrace.show.drawing import BLUE, Drawing, sheet
 

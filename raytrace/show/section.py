@@ -141,7 +141,7 @@ def _scale_bar(axes: Any, middle: NDArray[np.float64], half: float) -> None:
     axes.text(
         x + length / 2,
         y + 0.04 * half,
-        f"{length:g} world unit{'s' * (length != 1)}",
+        f"{length:g} world unit{'s' * int(length != 1)}",
         ha="center",
         va="bottom",
         fontsize=12,
