@@ -6,7 +6,7 @@ from raytrace.accel.lanes import count, load, packet, packet_width, select, spla
 from raytrace.accel.layout import boxes_of, children_of, triangles_of
 from raytrace.accel.vectors import dot
 from raytrace.jit import kernel
-from raytrace.passes.surface import ROUNDINGS, load3, row_of, spawn, store3
+from raytrace.passes.surface import ROUNDINGS, load3, spawn, store3, vector_of
 
 FOUR_PI = 4.0 * np.pi
 SPAN = 8  # times 3 roundings: by how many of the scene's extent the end of a shadow ray may be off
@@ -96,6 +96,7 @@ def reflect_light(shading, points, shadows, flux, radiance):
         material = load(points.material_id, i, like)
         occluded = load(shadows.occluded, i, like)
         arriving = select(occluded, 0.0, load(shadows.irradiance, i, like)) / np.pi
-        for k in range(3):
-            old = load(radiance, k * n + i, like)
-            store(radiance, k * n + i, old + row_of(shading.materials, material, 6, k) * flux[k] * arriving)
+        albedo, old = vector_of(shading.materials, material, 6, 0), load3(radiance, i, n, like)
+        store(radiance, i, old[0] + albedo[0] * flux[0] * arriving)
+        store(radiance, n + i, old[1] + albedo[1] * flux[1] * arriving)
+        store(radiance, 2 * n + i, old[2] + albedo[2] * flux[2] * arriving)

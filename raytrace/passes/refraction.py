@@ -19,7 +19,7 @@ from raytrace.accel.lanes import (
 )  # fmt: skip
 from raytrace.accel.vectors import choose3, dot, scaled, unit
 from raytrace.jit import inlined, kernel
-from raytrace.passes.surface import load3, point_on, row_of, shading_normal, spawn
+from raytrace.passes.surface import load3, numbers_of, point_on, row_of, shading_normal, spawn
 
 
 @inlined
@@ -79,7 +79,7 @@ def refract_rays(shading, normals, rays, n, out):
     for i in range(0, n, packet_width(rays.d)):
         prim = load(rays.hits.prim_id, i, like)
         found = (prim >= 0) & (lane_numbers(like) < np.int32(n - i))
-        prim = select(found, prim, np.int32(0))
+        prim = numbers_of(prim, found)
         material = gather(shading.material_id, prim)
         found = found & (row_of(shading.materials, material, 6, 5) > 0.0)
         if bits(found) == 0:

@@ -4,6 +4,8 @@ import numpy as np
 
 from raytrace.accel.lanes import (
     absolute,
+    bits,
+    first_bit,
     gather,
     load,
     machine_epsilon,
@@ -11,6 +13,7 @@ from raytrace.accel.lanes import (
     minimum,
     packet,
     packet_width,
+    peek,
     select,
     splat,
     store,
@@ -25,6 +28,12 @@ ROUNDINGS, EXTENTS = 3, 4
 
 
 @inlined
+def one_row(index):
+    """Whether all lanes look up the same row, as neighbours mostly do: a gather takes as long as many loads."""
+    return bits(index != index[0]) == 0
+
+
+@inlined
 def row_of(table, index, width, k):
     """Column k of rows of a flat table."""
     return gather(table, index * np.int32(width) + np.int32(k))
@@ -33,7 +42,18 @@ def row_of(table, index, width, k):
 @inlined
 def vector_of(table, index, width, k):
     """Columns k, k + 1, k + 2 of rows of a flat table."""
+    if one_row(index):
+        like, at = packet(table), np.int64(index[0]) * width + k
+        return splat(peek(table, at), like), splat(peek(table, at + 1), like), splat(peek(table, at + 2), like)
     return row_of(table, index, width, k), row_of(table, index, width, k + 1), row_of(table, index, width, k + 2)
+
+
+@inlined
+def numbers_of(index, found):
+    """Rows to look up: those that were found, and for all other lanes one of them (0 if there is none)."""
+    any_found = bits(found)
+    other = index[first_bit(any_found)] if any_found != 0 else np.int32(0)
+    return select(found, index, other)
 
 
 @inlined
@@ -114,18 +134,17 @@ def surface(shading, normals, d, hits, points):
     for i in range(0, n, packet_width(d)):
         prim = load(hits.prim_id, i, like)
         found = prim >= 0
-        prim = select(found, prim, np.int32(0))
+        prim = numbers_of(prim, found)
         u, v = load(hits.u, i, like), load(hits.v, i, like)
         p, ng, offset = point_on(shading.triangles, prim, u, v, eps)
         material = gather(shading.material_id, prim)
         one = splat(1.0, like)
         front = dot(load3(d, i, n, like), ng) < 0.0
         side = select(front, one, -1.0)
-        two_sided = row_of(shading.materials, material, 6, 4) > 0.0
-        refractive = row_of(shading.materials, material, 6, 5) > 0.0
+        _, two_sided, refractive = vector_of(shading.materials, material, 6, 3)
         store3(points.p, i, n, p)
         store3(points.ng, i, n, scaled(ng, side))
         if normals is not None:
             store3(points.ns, i, n, scaled(shading_normal(normals, prim, u, v), side))
-        store(points.offset, i, select(found & (front | two_sided) & ~refractive, offset, -1.0))
+        store(points.offset, i, select(found & (front | (two_sided > 0.0)) & (refractive == 0.0), offset, -1.0))
         store(points.material_id, i, material)
