@@ -65,24 +65,12 @@ def run(
     An error in a task, or Ctrl-C, ends the handing out; tasks under way are waited for, and it is raised here. Where
     the system gives no thread (the interpreter is ending, or there are too many), the caller's does the work.
     """
-    items, count = iter(items), thread_count(threads)
-    turn, halt, news = threading.Lock(), threading.Event(), SimpleQueue[bool]()
-    errors: list[BaseException] = []
+    queue, count = _Queue(task, items), thread_count(threads)
+    news = SimpleQueue[bool]()
 
     def work() -> None:
-        try:
-            while not halt.is_set() and not stop():
-                with turn:
-                    item = next(items, news)
-                if item is news:  # no item is left
-                    return
-                task(item)
-                news.put(True)
-        except BaseException as error:  # noqa: BLE001  (raised in the caller's thread)
-            halt.set()
-            errors.append(error)
-        finally:
-            news.put(False)
+        queue.work(stop, lambda: news.put(True))
+        news.put(False)
 
     workers = [threading.Thread(target=work, name=f"raytrace-{k}") for k in range(count)]
     try:
@@ -90,17 +78,68 @@ def run(
         if started == 0:
             work()
         _follow(news, max(started, 1), report)
-        if errors:
-            raise errors[0]
+        queue.check()
     except BaseException:
-        halt.set()
+        queue.halted = True
         cancel()
         raise
     finally:
-        for worker in workers:
-            if worker.ident is not None:  # it was started
-                worker.join()
-    return next(items, news) is news
+        _join(workers)
+    return queue.take() is queue.empty
+
+
+def together(task: Callable[[Any], object], items: Iterable[Any], threads: int | None) -> None:
+    """Call ``task`` with every item, here and on other threads, so that none waits; raise here what any raises."""
+    queue = _Queue(task, items)
+    workers = [threading.Thread(target=queue.work, name=f"raytrace-{k}") for k in range(1, thread_count(threads))]
+    try:
+        _start(workers)
+        queue.work()
+    finally:
+        queue.halted = True
+        _join(workers)
+    queue.check()
+
+
+class _Queue:
+    """Items that threads take one after the other, until one of them meets an error."""
+
+    empty = object()
+
+    def __init__(self, task: Callable[[Any], object], items: Iterable[Any]) -> None:
+        self._task, self._items, self._turn = task, iter(items), threading.Lock()
+        self.halted = False
+        self._errors: list[BaseException] = []
+
+    def take(self) -> Any:
+        """The next item, or ``empty``."""
+        with self._turn:
+            return next(self._items, self.empty)
+
+    def work(self, stop: Callable[[], bool] = lambda: False, tell: Callable[[], None] = lambda: None) -> None:
+        """Do item after item; ``tell`` of each that is done."""
+        try:
+            while not self.halted and not stop():
+                item = self.take()
+                if item is self.empty:
+                    return
+                self._task(item)
+                tell()
+        except BaseException as error:  # noqa: BLE001  (raised in the caller's thread)
+            self.halted = True
+            self._errors.append(error)
+
+    def check(self) -> None:
+        """Raise the first error."""
+        if self._errors:
+            raise self._errors[0]
+
+
+def _join(workers: Iterable[threading.Thread]) -> None:
+    """Wait for threads that were started."""
+    for worker in workers:
+        if worker.ident is not None:
+            worker.join()
 
 
 def _start(workers: Iterable[threading.Thread]) -> int:
@@ -168,7 +207,7 @@ def share_out(task: Callable[[int, int], object], n: int, threads: int | None) -
         timed((0, min(n, GRAIN)))
     count = min(count, int((n - GRAIN) * pace / WORTH))
     if count > 1:
-        run(timed, parts(GRAIN), count)
+        together(timed, parts(GRAIN), count)
     else:
         for part in parts(GRAIN):
             timed(part)

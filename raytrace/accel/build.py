@@ -131,7 +131,7 @@ def _grow_all(binary, split, grow):
         counts.append(grow(binary, split, NODE, part, make_scratch(dtype)) - part.free)
 
     if n > MIN_PART:
-        parallel.run(finish, parts, None)
+        parallel.together(finish, parts, None)
     else:
         for part in parts:
             finish(part)
