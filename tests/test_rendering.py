@@ -128,7 +128,7 @@ def test_progress_tells_of_building_and_of_every_finished_part():
     stages = [stage for stage, _ in itertools.groupby(event.stage for event in events if event.stage != "compiling")]
     assert stages == ["building", "rendering"]
     drawn = [event for event in events if event.stage == "rendering"]
-    pieces = -(-100 * 70 // TILE**2)
+    pieces = -(-100 * 70 // (rendering.BATCH // 8))
     assert {event.total for event in drawn} == {pieces}
     for earlier, later in itertools.pairwise(drawn):
         assert earlier.done < later.done
@@ -423,4 +423,4 @@ def test_memory_does_not_grow_with_samples(box):
     peak(8)  # whatever is kept from the first render on
     few, many = peak(8), peak(64)
     assert many < 1.1 * few
-    assert many < 256 * 256 * 64 * 12 / 3  # the radiance of all samples alone would be 50 MB
+    assert many < 256 * 256 * 64 * 12 / 2  # the radiance of all samples alone would be 50 MB
