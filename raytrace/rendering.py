@@ -19,10 +19,10 @@ from raytrace.accel.lanes import PACKET
 from raytrace.jit import load_all, on_compile
 from raytrace.needs import Picture, compile_ahead, tracing
 from raytrace.options import deadline_after, error_wanted, layers_of, override, window_of
-from raytrace.parts import Part, curve, inverse, pieces, rounds
+from raytrace.parts import Part, curve, pieces, rounds
 from raytrace.passes.camera import make_view
 from raytrace.passes.estimate import MODELS, estimate, root_mean
-from raytrace.passes.film import Film, make_film, means, put, taken
+from raytrace.passes.film import Film, develop, make_film, make_frame, put, taken
 from raytrace.passes.sampling import make_sampler
 from raytrace.picture import Layers, Render, trace_layers
 from raytrace.progress import Progress
@@ -253,11 +253,9 @@ class _Job:
         return mine[n]
 
     def _picture(self, complete: bool, interrupted: bool, compile_seconds: float) -> Render:
-        m, place = len(self.at), inverse(self.at)
-        variance, squares = self.film.variance[place], self.film.error[place]
-        self.samples[:] = self.film.samples[place].reshape(self.samples.shape)
-        rgb = np.empty((m, 3), np.float32)
-        rgb[self.at] = means(self.film, m).T.astype(np.float32, order="C")
+        shown = make_frame(len(self.at))
+        develop(self.film, self.at, shown)
+        self.samples[:] = shown.samples.reshape(self.samples.shape)
         seconds = time.perf_counter() - self.began
         passes: defaultdict[str, float] = defaultdict(float)
         rays: Counter[str] = Counter()
@@ -265,7 +263,7 @@ class _Job:
             rays.update(wavefront.rays)
             for name, spent in wavefront.seconds.items():
                 passes[name] += spent
-        error = root_mean(squares) if self.search is None else self.search.error
+        error = root_mean(shown.error) if self.search is None else self.search.error
         stats = {
             "seconds": seconds,
             "compile_seconds": compile_seconds,
@@ -273,7 +271,7 @@ class _Job:
             "rays": dict(rays),
             "samples": int(self.samples.sum()),
             "estimated_error": error,
-            "estimated_error_linear": root_mean(variance),
+            "estimated_error_linear": root_mean(shown.variance),
             "target_reached": None if self.target is None else bool(error <= self.target),
         }
         provenance = {
@@ -288,8 +286,10 @@ class _Job:
             "complete": int(complete),
             "seconds": round(seconds, 4),
         }
-        stderr = np.sqrt(variance).astype(np.float32).reshape(self.samples.shape)
-        return Render(rgb.reshape(*stderr.shape, 3), stderr, self.layers, stats, provenance, complete, interrupted)
+        stderr = np.sqrt(shown.variance).astype(np.float32).reshape(self.samples.shape)
+        return Render(
+            shown.rgb.reshape(*stderr.shape, 3), stderr, self.layers, stats, provenance, complete, interrupted
+        )
 
     def _trace_layers(self) -> dict[str, NDArray[Any]]:
         self._prepare()
