@@ -32,7 +32,7 @@ def mesh(name: str) -> trimesh.Trimesh:
 def smooth(name: str) -> tuple[np.ndarray, np.ndarray]:
     """Corners (m, 3, 3) of a mesh and its shading normals there, as a scene sees them."""
     white = {"type": "diffuse", "albedo": [1, 1, 1]}
-    item = {"mesh": str(MESHES / name), "material": "white", "normals": "smooth"}
+    item = {"mesh": MESHES / name, "material": "white", "normals": "smooth"}
     camera = {"position": [0, 0, 5], "look_at": [0, 0, 0], "fov": 30}
     loaded = load({"camera": camera, "materials": {"white": white}, "objects": [item]}).mesh
     return loaded.vertices[loaded.faces], loaded.normals
