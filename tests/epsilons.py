@@ -1,8 +1,8 @@
 """A renderer with magic constants, as courses teach it: right at one size, wrong at all others.
 
 Triangles vanish where |det| < 1e-5, and rays count hits only past 1e-4, from a point that is o + t d. Diffuse surfaces
-and point lights, in float32. ``python tests/epsilons.py`` draws ``scenes/hard-*.json`` into ``docs/pictures``: on the
-left with these constants, on the right as the package does.
+and point lights, in float32. ``python tests/epsilons.py`` draws the scenes of ``scenes/hard`` into ``docs/pictures``:
+on the left with these constants, on the right as the package does.
 """
 
 from pathlib import Path
@@ -16,7 +16,7 @@ from raytrace.passes.camera import make_view
 from raytrace.records import Scene
 
 ROOT = Path(__file__).parents[1]
-HARD = sorted((ROOT / "scenes").glob("hard-*.json"))
+HARD = sorted((ROOT / "scenes/hard").glob("*.json"))
 
 OFFSET = np.float32(1e-4)  # world units, whatever the scene's size
 GRID = 2  # samples along each side of a pixel
@@ -74,4 +74,4 @@ def draw(path: Path, side: int = 180) -> bytes:
 
 if __name__ == "__main__":
     for scene_file in HARD:
-        (ROOT / f"docs/pictures/{scene_file.stem}.png").write_bytes(draw(scene_file))
+        (ROOT / f"docs/pictures/hard-{scene_file.stem}.png").write_bytes(draw(scene_file))

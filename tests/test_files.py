@@ -45,11 +45,19 @@ def outside(tmp_path):
         "/dev/stdin",
         "..",
         "/",
+        "C:/outside/cube.obj",
+        "c:cube.obj",
+        r"C:\outside\cube.obj",
+        r"\\server\share\cube.obj",
+        "//server/share/cube.obj",
+        r"\\?\C:\cube.obj",
+        r"\\.\pipe\cube.obj",
     ],
 )
 def test_a_path_out_of_the_folder_is_refused_by_name(outside, mesh):
     mesh = mesh.format(outside)
     told = refusal(write(outside / "scene", of(mesh)))
+    assert told.startswith(f"{outside}/scene/scene.json:")
     assert f"objects[0].mesh: {mesh}: outside the scene's folder; " in told
     assert "--root DIR, in Python load(..., root=DIR)" in told
 
@@ -71,6 +79,21 @@ def test_a_link_out_of_the_folder_is_refused_by_name(outside):
         assert f"objects[0].mesh: {mesh}: a link out of the scene's folder, to {outside}/outside/cube.obj; " in told
 
 
+def test_a_link_to_itself_is_no_file(tmp_path):
+    (tmp_path / "loop.obj").symlink_to("loop.obj")
+    with pytest.raises(FileError, match=r"objects\[0\]\.mesh: .*loop\.obj: "):
+        rt.load(write(tmp_path, of("loop.obj")))
+
+
+def test_a_folder_above_may_be_a_link(outside):
+    """The scene's folder is where its file lies; what leads there is the user's choice."""
+    write(outside / "scene", of("triangle.obj"))
+    (outside / "way").symlink_to(outside)
+    assert len(rt.load(outside / "way" / "scene" / "scene.json").mesh.faces) == 1
+    assert "outside the scene's folder" in refusal(write(outside / "way" / "scene", of("../outside/cube.obj")))
+    assert len(rt.load(outside / "way" / "scene" / "scene.json", root=outside / "way" / "outside").mesh.faces) == 12
+
+
 def test_a_refused_file_is_not_touched(outside, monkeypatch):
     path = write(outside / "scene", of("../outside/cube.obj"))
     looked = []
@@ -87,7 +110,7 @@ def test_paths_and_links_that_stay_below_the_folder_are_read(tmp_path):
     (tmp_path / "a" / "link.obj").symlink_to("b/triangle.obj")
     (tmp_path / "a" / "b" / "triangle.obj").write_text(TRIANGLE)
     meshes = ["a/b/triangle.obj", "./a/b/../link.obj", "a/link.obj", str(tmp_path / "a" / "b" / "triangle.obj")]
-    meshes += ["odd:name.obj", "c:d.obj", "..obj.obj"]
+    meshes += ["odd:name.obj", "cc:d.obj", "..obj.obj"]
     for name in meshes[-3:]:
         (tmp_path / name).write_text(TRIANGLE)
     assert [len(rt.load(write(tmp_path, of(mesh))).mesh.faces) for mesh in meshes] == [1] * len(meshes)
@@ -154,10 +177,22 @@ def test_a_place_is_judged_the_same_wherever_the_process_stands(tmp_path, monkey
         reach.find("../a.obj")
 
 
-@pytest.mark.parametrize("uri", ["file:///etc/passwd", "../secret.bin", "/etc/passwd", "http://localhost/a.bin"])
+@pytest.mark.parametrize(
+    "uri",
+    [
+        "file:///etc/passwd",
+        "FILE:a.bin",
+        "../secret.bin",
+        r"\\server\a.bin",
+        "a.bin",
+        "/etc/passwd",
+        "http://localhost/a.bin",
+    ],
+)
 def test_a_glb_reads_no_other_file(tmp_path, uri):
     (tmp_path / "a.glb").write_bytes(triangle_glb([{"mesh": 0}], buffers=[{"uri": uri, "byteLength": 84}]))
     told = refusal(write(tmp_path, of("a.glb")))
+    assert f"objects[0].mesh: {tmp_path}/a.glb: " in told
     assert f"a buffer in another file, {uri}; " in told
 
 

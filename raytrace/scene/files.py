@@ -3,7 +3,7 @@
 import os
 import re
 from collections.abc import Iterator
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import NamedTuple
 
 from raytrace.errors import FileError, SceneError
@@ -35,7 +35,8 @@ class Reach(NamedTuple):
             return path
         if URI.match(mesh):
             raise SceneError([f"{mesh}: a URI; name a file: nothing is fetched"])
-        if not self._holds(os.path.abspath(path)):
+        # names with a drive or a share are refused wherever they are read, not only where they lead somewhere
+        if PureWindowsPath(mesh).drive or not self._holds(os.path.abspath(path)):
             raise SceneError([f"{mesh}: outside the scene's folder; {ALLOW}"])
         if not self._holds(real := os.path.realpath(path)):
             raise SceneError([f"{mesh}: a link out of the scene's folder, to {real}; {ALLOW}"])
