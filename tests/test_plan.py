@@ -17,13 +17,12 @@ from raytrace.passes.sampling import make_sampler
 from raytrace.records import REFRACTIVE
 from raytrace.scene.plan import make_plan
 from raytrace.wavefront import Wavefront, make_stage
+from shipped_scenes import each_scene
 from small_scenes import Part, ball, glass, make_scene, quad, studio
 
 ROOT = Path(__file__).parents[1]
-SCENES = sorted((ROOT / "scenes").glob("*.json"))
 BOX = ROOT / "scenes" / "cornell-box.json"
 compiled = pytest.mark.skipif(PLAIN, reason="kernels are plain functions")
-each_scene = pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 
 FLOOR = quad((-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1))
 LIGHT = ((0, 2, 0), (1, 1, 1))
