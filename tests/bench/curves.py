@@ -7,6 +7,7 @@ from typing import Any
 
 from harness import show
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 LOOKS = {  # sampler, adaptive: name, colour, marker
     ("sobol", False): ("sobol", "#0072b2", "o"),
@@ -27,6 +28,7 @@ def panel(axes: Any, report: dict[str, Any]) -> None:
     scene = report["scene"]
     axes.set_title(f"{scene['name']}, {scene['triangles']:,} triangles", fontsize=10)
     axes.set(xscale="log", yscale="log")
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.grid(alpha=0.3)
 
 
