@@ -93,9 +93,8 @@ class Subject:
     def draw(self, step: float, seed: int) -> Render:
         """Draw one picture."""
         aim = {"spp": ADAPTIVE_CAP, "target_error": step} if self.way.adaptive else {"spp": int(step)}
-        return render(
-            self.scene, size=self.size, seed=seed, precision=self.way.precision, sampler=self.way.sampler, **aim
-        )
+        how = {"precision": self.way.precision, "sampler": self.way.sampler, "progress": False}
+        return render(self.scene, size=self.size, seed=seed, **how, **aim)
 
 
 def _trees(stage: Stage) -> list[BVH]:
