@@ -8,14 +8,10 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from raytrace import png
-from raytrace.canvas import Canvas
 from raytrace.errors import OptionError
 from raytrace.progress import Progress, Watcher
-from raytrace.records import Window
+from raytrace.sketch import Sketch
 from raytrace.terminal import speed
 
 FIRST = 0.5  # s: a picture that is done sooner needs no preview
@@ -50,7 +46,7 @@ def in_cell() -> bool:
     return hasattr(shell, "kernel") and threading.current_thread() is threading.main_thread()
 
 
-class Preview(Canvas):
+class Preview(Sketch):
     """The output of a cell that shows the picture so far, and is empty again when the picture is there."""
 
     def __init__(self) -> None:
@@ -58,10 +54,9 @@ class Preview(Canvas):
         self._next = time.perf_counter() + FIRST
         self._update: Callable[[dict[str, str]], None] | None = None
 
-    def begin(self, samples: NDArray[np.int32], at: NDArray[np.int64], window: Window, spp: int) -> bool:
+    def early(self, samples: int) -> bool:
         """Ask for the whole picture early where it takes long enough to be looked at."""
-        self._width = window.width
-        return super().begin(samples, at, window, spp) and len(at) * spp > LONG
+        return samples > LONG
 
     def look(self, progress: Progress) -> None:
         """Show the picture, if it is time."""
@@ -79,7 +74,7 @@ class Preview(Canvas):
         if progress.stage == "rendering":
             caption = f"rendering: {self.samples.mean():.3g} samples a pixel, {speed(progress)}"
             data = b64encode(png.encode(self.picture(SIDE), {}, QUICK)).decode()
-            self._say(caption, f'<img alt="" width="{self._width}" src="data:image/png;base64,{data}"><br>')
+            self._say(caption, f'<img alt="" width="{self.window.width}" src="data:image/png;base64,{data}"><br>')
         elif progress.stage == "compiling":
             self._say(f"compiling kernels (first run only): {progress.done} of {progress.total}")
 

@@ -35,8 +35,12 @@ class Watcher:
         """Hear how far it is."""
         self._tell(progress)
 
-    def begin(self, samples: NDArray[np.int32], at: NDArray[np.int64], window: Window, spp: int) -> bool:
-        """Hear that the film begins; say whether the whole picture is wanted early.
+    def early(self, samples: int) -> bool:
+        """Whether the whole picture is wanted early and then ever better, if it takes so many samples."""
+        return False
+
+    def begin(self, samples: NDArray[np.int32], at: NDArray[np.int64], window: Window) -> None:
+        """Hear that the film begins.
 
         Parameters
         ----------
@@ -45,10 +49,7 @@ class Watcher:
         at : (m,) array of int
             Places in the window, row after row, of the film's pixels.
         window : Window
-        spp : int
-            Samples that every pixel will get.
         """
-        return False
 
     def show(self, pixels: slice | NDArray[np.int64], shown: NDArray[np.float64]) -> None:
         """See means of pixels of the film as shown, (3, m), and more; in the thread that drew them."""

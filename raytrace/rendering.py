@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,23 +28,8 @@ from raytrace.preview import watcher_of
 from raytrace.progress import Progress, Watcher
 from raytrace.records import Scene, Settings, Window
 from raytrace.scene.load import load
-from raytrace.scene.plan import Plan, make_plan
-from raytrace.wavefront import BATCH, Stage, Wavefront, make_stage
-
-_stages: WeakKeyDictionary[Scene, dict[str, Stage]] = WeakKeyDictionary()  # of scenes drawn before
-
-
-def set_stage(scene: Scene, stage: Stage) -> None:
-    """Draw a scene on this stage from now on, in the stage's precision."""
-    _stages.setdefault(scene, {})[stage.bvh.precision] = stage
-
-
-def stage_of(scene: Scene, plan: Plan, precision: str) -> Stage:
-    """The stage that a scene is drawn on, built if it isn't there yet."""
-    stages = _stages.setdefault(scene, {})
-    if precision not in stages:
-        stages[precision] = make_stage(scene, plan, precision)
-    return stages[precision]
+from raytrace.stages import is_built, plan_of, stage_of
+from raytrace.wavefront import BATCH, Wavefront
 
 
 def render(
@@ -124,7 +108,7 @@ class _Job:
         self, scene: Scene, settings: Settings, window: Window, target: float | None, watcher: Watcher
     ) -> None:
         self.scene, self.settings, self.window, self.target, self.watcher = scene, settings, window, target, watcher
-        self.plan = make_plan(scene)
+        self.plan = plan_of(scene)
         self.precision = self.plan.precision.name if settings.precision == "auto" else settings.precision
         self.model = MODELS[settings.sampler]
         self.at = curve(window)
@@ -168,7 +152,8 @@ class _Job:
         """Draw round after round: a pixel's samples are summed in their order, so no tile may be in two at once."""
         spp = self.settings.spp if self.target is None else min(adaptive.FIRST, self.settings.spp)
         pixels, done = len(self.film.samples), 0
-        hasty |= self.watcher.begin(self.film.samples, self.at, self.window, spp)
+        hasty |= self.watcher.early(pixels * spp)
+        self.watcher.begin(self.film.samples, self.at, self.window)
         drawn = [
             [Part(first, last, piece) for piece in pieces(pixels, BATCH // (last - first))]
             for first, last in rounds(spp, hasty)
@@ -201,7 +186,7 @@ class _Job:
         self.watcher(Progress(stage, done, total, rays, time.perf_counter() - since))
 
     def _prepare(self) -> None:
-        if self.precision not in _stages.get(self.scene, {}):
+        if not is_built(self.scene, self.precision):
             self._say("building", 0, 1)
         self.stage = stage_of(self.scene, self.plan, self.precision)
         self.view = make_view(self.scene.camera, self.settings.size, np.dtype(self.precision))

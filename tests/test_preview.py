@@ -126,8 +126,8 @@ def test_who_watches():
     told = []
     watcher_of(told.append)("progress")
     assert told == ["progress"]
-    canvas = Preview()
-    assert watcher_of(canvas) is canvas
+    sketch = Preview()
+    assert watcher_of(sketch) is sketch
     for wrong in (True, 1, "bar"):
         with pytest.raises(OptionError, match=r"^progress: expected a function, or False, got "):
             rt.render(studio(), progress=wrong)

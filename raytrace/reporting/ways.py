@@ -2,7 +2,7 @@
 
 import inspect
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,8 +11,9 @@ from raytrace.accel.bvh import BVH
 from raytrace.accel.layout import boxes_of, children_of
 from raytrace.picture import Render
 from raytrace.records import Scene
-from raytrace.rendering import render, set_stage
+from raytrace.rendering import render
 from raytrace.scene.plan import make_plan
+from raytrace.stages import set_stage
 from raytrace.wavefront import Stage, make_stage
 
 SAMPLERS = "sobol", "stratified", "independent"
@@ -93,7 +94,7 @@ class Subject:
     def draw(self, step: float, seed: int) -> Render:
         """Draw one picture."""
         aim = {"spp": ADAPTIVE_CAP, "target_error": step} if self.way.adaptive else {"spp": int(step)}
-        how = {"precision": self.way.precision, "sampler": self.way.sampler, "progress": False}
+        how: dict[str, Any] = {"precision": self.way.precision, "sampler": self.way.sampler, "progress": False}
         return render(self.scene, size=self.size, seed=seed, **how, **aim)
 
 

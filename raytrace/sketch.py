@@ -8,27 +8,32 @@ from raytrace.progress import Progress, Watcher
 from raytrace.records import Window
 
 
-class Canvas(Watcher):
+class Sketch(Watcher):
     """A watcher that has the picture, as far as it is drawn.
 
     Attributes
     ----------
     samples : array of int32
         Of each pixel so far, of the film's and a few more.
+    window : Window
+        What is drawn of the film.
     """
 
     def __init__(self) -> None:
         super().__init__(self.look)
-        self.samples = np.zeros(0, np.int32)
+        self.samples, self.window = np.zeros(0, np.int32), Window(0, 0, 0, 0)
 
     def look(self, progress: Progress) -> None:
         """Hear how far it is; a good time to look."""
 
-    def begin(self, samples: NDArray[np.int32], at: NDArray[np.int64], window: Window, spp: int) -> bool:
-        """Take a canvas of the size of the film."""
-        self.samples, self._at, self._window = samples, at, window
-        self._shown, self._blank = np.zeros((3, len(at))), np.ones(len(at), np.bool_)
+    def early(self, samples: int) -> bool:
+        """A picture to look at is wanted early."""
         return True
+
+    def begin(self, samples: NDArray[np.int32], at: NDArray[np.int64], window: Window) -> None:
+        """Take paper of the size of the film."""
+        self.samples, self._at, self.window = samples, at, window
+        self._shown, self._blank = np.zeros((3, len(at))), np.ones(len(at), np.bool_)
 
     def show(self, pixels: slice | NDArray[np.int64], shown: NDArray[np.float64]) -> None:
         """Keep pixels; they are in one part at a time, so no other thread has them."""
@@ -46,7 +51,7 @@ class Canvas(Watcher):
 
         Where it has more than so many pixels a side, it is every second, third ... of them.
         """
-        height, width = self._window.height, self._window.width
+        height, width = self.window.height, self.window.width
         step = max(-(-max(height, width) // side), 1)
         at = inverse(self._at).reshape(height, width)[::step, ::step]
         return (255.0 * np.moveaxis(self._shown[:, at], 0, 2) + 0.5).astype(np.uint8)
