@@ -6,8 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
-from weakref import WeakKeyDictionary
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,26 +24,12 @@ from raytrace.passes.estimate import MODELS, estimate, root_mean
 from raytrace.passes.film import Film, develop, make_film, make_frame, put, taken
 from raytrace.passes.sampling import make_sampler
 from raytrace.picture import Layers, Render, trace_layers
-from raytrace.progress import Progress
+from raytrace.preview import watcher_of
+from raytrace.progress import Progress, Watcher
 from raytrace.records import Scene, Settings, Window
 from raytrace.scene.load import load
-from raytrace.scene.plan import Plan, make_plan
-from raytrace.wavefront import BATCH, Stage, Wavefront, make_stage
-
-_stages: WeakKeyDictionary[Scene, dict[str, Stage]] = WeakKeyDictionary()  # of scenes drawn before
-
-
-def set_stage(scene: Scene, stage: Stage) -> None:
-    """Draw a scene on this stage from now on, in the stage's precision."""
-    _stages.setdefault(scene, {})[stage.bvh.precision] = stage
-
-
-def stage_of(scene: Scene, plan: Plan, precision: str) -> Stage:
-    """The stage that a scene is drawn on, built if it isn't there yet."""
-    stages = _stages.setdefault(scene, {})
-    if precision not in stages:
-        stages[precision] = make_stage(scene, plan, precision)
-    return stages[precision]
+from raytrace.stages import is_built, plan_of, stage_of
+from raytrace.wavefront import BATCH, Wavefront
 
 
 def render(
@@ -56,7 +41,7 @@ def render(
     sampler: str | None = None,
     *,
     threads: int | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[Progress], None] | Literal[False] | None = None,
     aov: Sequence[str] = (),
     crop: tuple[int, int, int, int] | None = None,
     time_limit: float | None = None,
@@ -73,8 +58,9 @@ def render(
         "stratified" or "independent". Default: what the scene says.
     threads : int, optional
         Default: all cores of the process. The picture has the same bits for any number.
-    progress : callable, optional
-        Is called with a ``Progress`` now and then.
+    progress : callable or False, optional
+        Is called with a ``Progress`` now and then. Default: in a notebook, the picture is shown as it gets better;
+        elsewhere, and where this is False, nothing is.
     aov : sequence of str
         Layers to compute and keep in files; all can be had from ``Render.aov`` later.
     crop : (x, y, width, height), pixels, optional
@@ -111,7 +97,7 @@ def render(
     settings = override(scene.settings, most, size, seed, precision, sampler)
     window = window_of(settings.size, crop)
     layers, limit = layers_of(aov), deadline_after(time_limit)
-    job = _Job(scene, settings, window, target, progress or (lambda _: None))
+    job = _Job(scene, settings, window, target, watcher_of(progress))
     return job.run(parallel.thread_count(threads), limit, layers)
 
 
@@ -119,15 +105,10 @@ class _Job:
     """One call of ``render``."""
 
     def __init__(
-        self,
-        scene: Scene,
-        settings: Settings,
-        window: Window,
-        target: float | None,
-        progress: Callable[[Progress], None],
+        self, scene: Scene, settings: Settings, window: Window, target: float | None, watcher: Watcher
     ) -> None:
-        self.scene, self.settings, self.window, self.target, self.progress = scene, settings, window, target, progress
-        self.plan = make_plan(scene)
+        self.scene, self.settings, self.window, self.target, self.watcher = scene, settings, window, target, watcher
+        self.plan = plan_of(scene)
         self.precision = self.plan.precision.name if settings.precision == "auto" else settings.precision
         self.model = MODELS[settings.sampler]
         self.at = curve(window)
@@ -160,6 +141,7 @@ class _Job:
                     self.layers[name]
             except KeyboardInterrupt:
                 interrupted = True
+        self.watcher.end(interrupted)
         return self._picture(complete, interrupted, compiled.seconds)
 
     def _over(self) -> bool:
@@ -170,6 +152,8 @@ class _Job:
         """Draw round after round: a pixel's samples are summed in their order, so no tile may be in two at once."""
         spp = self.settings.spp if self.target is None else min(adaptive.FIRST, self.settings.spp)
         pixels, done = len(self.film.samples), 0
+        hasty |= self.watcher.early(pixels * spp)
+        self.watcher.begin(self.film.samples, self.at, self.window)
         drawn = [
             [Part(first, last, piece) for piece in pieces(pixels, BATCH // (last - first))]
             for first, last in rounds(spp, hasty)
@@ -199,10 +183,10 @@ class _Job:
     def _say(self, stage: str, done: int, total: int) -> None:
         rays = sum(wavefront.rays.total() for wavefront in list(self._wavefronts))
         since = self._drawing if stage == "rendering" else self.began
-        self.progress(Progress(stage, done, total, rays, time.perf_counter() - since))
+        self.watcher(Progress(stage, done, total, rays, time.perf_counter() - since))
 
     def _prepare(self) -> None:
-        if self.precision not in _stages.get(self.scene, {}):
+        if not is_built(self.scene, self.precision):
             self._say("building", 0, 1)
         self.stage = stage_of(self.scene, self.plan, self.precision)
         self.view = make_view(self.scene.camera, self.settings.size, np.dtype(self.precision))
@@ -241,6 +225,7 @@ class _Job:
         film.samples[begin : begin + len(x)] = done
         shown = np.empty((3, len(x)))
         estimate(film, begin, begin + len(x), self.model, shown.reshape(-1))
+        self.watcher.show(part.pixels, shown)
         if self.search:
             self.search.show(part.pixels, shown)
 

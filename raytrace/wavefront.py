@@ -38,22 +38,35 @@ class Stage(NamedTuple):
 def make_stage(scene: Scene, plan: Plan, precision: str, split: str = "sah", triangle: str = "watertight") -> Stage:
     """Trees and tables of a scene; split and triangle as ``BVH`` takes them."""
     dtype = np.dtype(precision)
-    mesh, materials = scene.mesh, scene.materials
+    mesh = scene.mesh
     bvh = BVH(mesh.vertices, mesh.faces, precision, split, triangle)
     positions = scene.lights.position.astype(dtype)
-    refractive = materials.kind == REFRACTIVE
-    table = np.column_stack([materials.albedo, materials.ior, materials.two_sided, refractive])
     return Stage(
         plan,
         scene.settings.max_depth,
         bvh,
         _shadow_bvhs(scene, bvh, positions),
-        Shading(bvh.triangles.ravel(), mesh.material_id, table.astype(dtype).ravel()),
+        Shading(bvh.triangles.ravel(), mesh.material_id, _table(scene, dtype)),
         None if mesh.normals is None else mesh.normals.astype(dtype).ravel(),
         scene.background.astype(dtype),
         positions,
         scene.lights.flux.astype(dtype),
     )
+
+
+def restaged(stage: Stage, scene: Scene) -> Stage:
+    """The same trees, for a scene that differs in its camera, its fluxes or its materials' numbers alone."""
+    dtype = stage.light_flux.dtype
+    shading = stage.shading._replace(materials=_table(scene, dtype))
+    return stage._replace(shading=shading, light_flux=scene.lights.flux.astype(dtype))
+
+
+def _table(scene: Scene, dtype: np.dtype) -> NDArray[np.floating]:
+    """What shading looks up of materials."""
+    materials = scene.materials
+    refractive = materials.kind == REFRACTIVE
+    table = np.column_stack([materials.albedo, materials.ior, materials.two_sided, refractive])
+    return table.astype(dtype).ravel()
 
 
 def _shadow_bvhs(scene: Scene, bvh: BVH, positions: NDArray[np.floating]) -> tuple[BVH, ...]:

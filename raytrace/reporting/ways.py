@@ -1,7 +1,7 @@
 """The ways of drawing a scene that the report on speed and error compares."""
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,8 +10,9 @@ from raytrace.accel.bvh import BVH
 from raytrace.accel.layout import boxes_of, children_of
 from raytrace.picture import Render
 from raytrace.records import Scene
-from raytrace.rendering import render, set_stage
+from raytrace.rendering import render
 from raytrace.scene.plan import make_plan
+from raytrace.stages import set_stage
 from raytrace.wavefront import Stage, make_stage
 
 SAMPLERS = "sobol", "stratified", "independent"
@@ -90,9 +91,8 @@ class Subject:
     def draw(self, step: float, seed: int) -> Render:
         """Draw one picture."""
         aim = {"spp": ADAPTIVE_CAP, "target_error": step} if self.way.adaptive else {"spp": int(step)}
-        return render(
-            self.scene, size=self.size, seed=seed, precision=self.way.precision, sampler=self.way.sampler, **aim
-        )
+        how: dict[str, Any] = {"precision": self.way.precision, "sampler": self.way.sampler, "progress": False}
+        return render(self.scene, size=self.size, seed=seed, **how, **aim)
 
 
 def _trees(stage: Stage) -> list[BVH]:
