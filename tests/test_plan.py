@@ -190,6 +190,7 @@ TRACING = [
     "background",
     "camera_rays",
     "closest_hit",
+    "develop",
     "errors",
     "reflect_light",
     "shadow_rays",
