@@ -16,7 +16,7 @@ from raytrace.accel.grow import Part, grow, make_binary, make_scratch
 from raytrace.accel.lanes import NODE, PACKET
 from raytrace.accel.layout import make_leaves, make_nodes
 from raytrace.passes.camera import camera_rays, make_view
-from raytrace.passes.edges import edges
+from raytrace.passes.edges import edges, weigh
 from raytrace.passes.estimate import errors
 from raytrace.passes.film import accumulate, develop, make_film, make_frame
 from raytrace.passes.light import background, reflect_light, shadow_rays
@@ -59,6 +59,7 @@ def needs(picture: Picture) -> list[Call]:
         calls += _sorting(stage.bvh)
     if picture.aimed:
         calls.append((edges, (np.zeros(0), 0, np.zeros(0), np.zeros(0), np.zeros(0))))
+        calls.append((weigh, (np.zeros(0), 0, np.zeros(0), 0, np.zeros(0))))
     return calls
 
 

@@ -231,11 +231,13 @@ class _Job:
 
     def _wavefront(self, n: int) -> Wavefront:
         """Wavefront of the calling thread for batches of n samples."""
-        mine = self._local.__dict__.setdefault("wavefronts", {})
-        if n not in mine:
-            mine[n] = Wavefront(self.stage, self.view, self.sampler, n)
-            self._wavefronts.append(mine[n])
-        return mine[n]
+        front: Wavefront | None = getattr(self._local, "front", None)
+        if front is None or n > front.most:
+            front = self._local.front = Wavefront(self.stage, self.view, self.sampler, max(n, BATCH))
+            self._wavefronts.append(front)
+        if n != front.n:
+            front.resize(n)
+        return front
 
     def _picture(self, complete: bool, interrupted: bool, compile_seconds: float) -> Render:
         shown = make_frame(len(self.at))

@@ -8,6 +8,7 @@ from harness import ROOT, begin, finish, parser, show, table
 import raytrace as rt
 from raytrace.adaptive import Search
 from raytrace.parts import curve
+from raytrace.passes.edges import weigh
 from raytrace.passes.estimate import LUMINANCE, MODELS
 from raytrace.passes.film import make_film
 from raytrace.records import Scene, Window
@@ -63,7 +64,11 @@ def foretold(scene: Scene, truth: np.ndarray, seeds: int) -> dict[int, float]:
     at, model = curve(window), MODELS["sobol"]
     search = Search(make_film(len(at)), at, window, model, target=1.0, cap=1)
     search.show(np.s_[:], screen(truth).reshape(-1, 3)[at].T)
-    between = search._neighbours()[1].mean()
+    search._mark()
+    known = np.zeros_like(search._known)
+    known[1] = 1.0  # what lies between neighbours, and nothing else
+    weigh(search._edges.reshape(-1), search._columns, known.reshape(-1), width, search._error)
+    between = search._error[: len(at)].mean()
     found = {}
     for spp in COUNTS:
         pictures = [rt.render(scene, spp=spp, size=(width, height), seed=seed) for seed in range(seeds)]
