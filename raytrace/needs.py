@@ -132,7 +132,7 @@ def tracing(front: Wavefront) -> Iterator[Call]:
         yield shadow_rays, (front.points, colour, front.shadows)
         yield reflect_light, (stage.shading, front.points, front.shadows, colour, front.radiance)
     film = make_film(PACKET)
-    yield accumulate, (front.radiance, 0, film.sums, 0, PACKET)
+    yield accumulate, (front.radiance, 0, 0, film.sums, 0, PACKET)
     yield errors, (film.sums.reshape(-1), 0, np.zeros(7), np.zeros(3 * PACKET), film.variance, film.error)
     yield develop, (film, np.zeros(0, np.int64), make_frame(0))
     yield background, (samples.hits, front.radiance, colour)

@@ -15,8 +15,9 @@ def added(radiance, cuts, pixels):
     """Sums (bins, 3, pixels) of radiance (samples, pixels, 3), added in pieces that begin at the cuts."""
     sums, first = np.zeros((3 * BINS, pixels)), 0
     for piece in np.split(radiance, cuts):
-        accumulate(piece.transpose(2, 0, 1).ravel(), first, sums, 0, pixels)
-        first += len(piece)
+        last = first + len(piece)
+        accumulate(piece.transpose(2, 0, 1).ravel(), first, last, sums, 0, pixels)
+        first = last
     return sums.reshape(BINS, 3, pixels)
 
 
@@ -64,7 +65,7 @@ def test_only_the_pixels_of_a_batch_are_touched(precision):
     radiance = np.random.default_rng(3).uniform(0, 2, (5, 16, 3)).astype(precision)
     sums = np.full((3 * BINS, 48), 7.0)
     sums[:, 16:32] = 0
-    accumulate(radiance.transpose(2, 0, 1).ravel(), 0, sums, 16, 16)
+    accumulate(radiance.transpose(2, 0, 1).ravel(), 0, 5, sums, 16, 16)
     assert rays.same_bits(sums[:, 16:32].reshape(BINS, 3, 16), added(radiance, [], 16))
     assert (np.delete(sums, np.s_[16:32], axis=1) == 7).all()
 
@@ -105,7 +106,7 @@ def test_a_film_has_whole_packets_and_knows_nothing():
 def test_pixels_are_taken_and_put_back_and_means_are_those_of_their_samples():
     film = make_film(64)
     radiance = np.random.default_rng(4).uniform(0, 2, (6, 64, 3))
-    accumulate(radiance.transpose(2, 0, 1).ravel(), 0, film.sums, 0, 64)
+    accumulate(radiance.transpose(2, 0, 1).ravel(), 0, 6, film.sums, 0, 64)
     film.samples[:] = 6
     np.testing.assert_allclose(developed(film, np.arange(60)).rgb, radiance.mean(axis=0)[:60], rtol=1e-7)
     pixels = np.array([3, 5, 60])

@@ -75,23 +75,23 @@ def bin_of(sample):
 
 
 @kernel
-def accumulate(radiance, first, sums, begin, m):
+def accumulate(radiance, first, last, sums, begin, m):
     """Add samples to pixels.
 
     Parameters
     ----------
     radiance : (3n,) f array
-        Sample after sample, each of m pixels.
-    first : int
-        Number of the first sample.
+        Sample after sample, each of m pixels; there may be more.
+    first, last : int
+        Number of the first sample, and of the one after the last.
     sums : (12, p) float64 array
         Of red, green and blue of pixels, bin after bin.
     begin, m : int
         The first pixel, and how many.
     """
     n, end = len(radiance) // 3, begin + m
-    for i in range(n // m):
-        sample = first + i
+    for sample in range(first, last):
+        at = (sample - first) * m
         if sample >= BINS and sample & (sample - 1) == 0:
             for k in range(3):
                 for j in range(begin, end):
@@ -100,7 +100,7 @@ def accumulate(radiance, first, sums, begin, m):
                     sums[6 + k, j] = sums[9 + k, j] = 0.0
         row = 3 * bin_of(sample)
         for k in range(3):
-            channel, total = radiance[k * n + i * m : k * n + (i + 1) * m], sums[row + k, begin:end]
+            channel, total = radiance[k * n + at : k * n + at + m], sums[row + k, begin:end]
             for j in range(m):
                 total[j] += np.float64(channel[j])
 
