@@ -1,13 +1,13 @@
 """``render``: tiles of pixels on several threads, with progress, cancel, a time limit and a wanted error."""
 
+import contextlib
+import itertools
 import threading
 import time
-from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,36 +15,22 @@ from numpy.typing import NDArray
 import raytrace
 from raytrace import adaptive, parallel
 from raytrace.accel.build import FEW
-from raytrace.accel.lanes import PACKET
-from raytrace.jit import load_all, on_compile
-from raytrace.needs import Picture, compile_ahead, tracing
+from raytrace.canvas import Canvas, Sheet
+from raytrace.checkpoint import Checkpoint
+from raytrace.crew import Crew
+from raytrace.jit import on_compile
+from raytrace.job import Job, Layout
+from raytrace.needs import Picture, compile_ahead
 from raytrace.options import deadline_after, error_wanted, layers_of, override, window_of
-from raytrace.parts import Part, curve, inverse, pieces, rounds
-from raytrace.passes.camera import make_view
-from raytrace.passes.estimate import MODELS, estimate, root_mean
-from raytrace.passes.film import Film, make_film, means, put, taken
-from raytrace.passes.sampling import make_sampler
+from raytrace.parts import Part, pieces, rounds
+from raytrace.passes.estimate import MODELS, root_mean
 from raytrace.picture import Layers, Render, trace_layers
 from raytrace.progress import Progress
-from raytrace.records import Scene, Settings, Window
+from raytrace.records import Scene
 from raytrace.scene.load import load
 from raytrace.scene.plan import Plan, make_plan
-from raytrace.wavefront import BATCH, Stage, Wavefront, make_stage
-
-_stages: WeakKeyDictionary[Scene, dict[str, Stage]] = WeakKeyDictionary()  # of scenes drawn before
-
-
-def set_stage(scene: Scene, stage: Stage) -> None:
-    """Draw a scene on this stage from now on, in the stage's precision."""
-    _stages.setdefault(scene, {})[stage.bvh.precision] = stage
-
-
-def stage_of(scene: Scene, plan: Plan, precision: str) -> Stage:
-    """The stage that a scene is drawn on, built if it isn't there yet."""
-    stages = _stages.setdefault(scene, {})
-    if precision not in stages:
-        stages[precision] = make_stage(scene, plan, precision)
-    return stages[precision]
+from raytrace.stages import is_built, stage_of
+from raytrace.wavefront import BATCH, Stage
 
 
 def render(
@@ -61,6 +47,7 @@ def render(
     crop: tuple[int, int, int, int] | None = None,
     time_limit: float | None = None,
     target_error: float | None = None,
+    checkpoint: str | Path | Checkpoint | None = None,
 ) -> Render:
     """Draw a scene.
 
@@ -84,6 +71,9 @@ def render(
     target_error : float, optional
         Sample where the error is until the estimated RMSE of the picture, in sRGB clipped to 0 .. 1, is at most this:
         0.002 is half a step of 8 bits. No pixel gets more than ``spp`` samples, 4096 where that isn't given.
+    checkpoint : str or Path, optional
+        File that keeps finished parts while the picture is drawn. If it is there, it is gone on from, and the picture
+        has the same bits as if nothing had happened. ``Render.save`` removes it once the whole picture is written.
 
     Returns
     -------
@@ -93,7 +83,7 @@ def render(
     Raises
     ------
     SceneError, FileError
-        As ``load`` does.
+        As ``load`` does; and FileError for a checkpoint of another picture, or one that can't be written.
     OptionError
         An option that can't be met.
 
@@ -111,51 +101,48 @@ def render(
     settings = override(scene.settings, most, size, seed, precision, sampler)
     window = window_of(settings.size, crop)
     layers, limit = layers_of(aov), deadline_after(time_limit)
-    job = _Job(scene, settings, window, target, progress or (lambda _: None))
-    return job.run(parallel.thread_count(threads), limit, layers)
+    plan = make_plan(scene)
+    precision = plan.precision.name if settings.precision == "auto" else settings.precision
+    job, layout = Job(scene, settings, window, precision, target), Layout(hasty=limit < np.inf)
+    keep = checkpoint if isinstance(checkpoint, Checkpoint | None) else Checkpoint(Path(checkpoint))
+    if keep:
+        layout = keep.begin(job, layout)
+    run = _Run(job, plan, layout, keep, progress or (lambda _: None))
+    return run.run(parallel.thread_count(threads), limit, layers)
 
 
-class _Job:
+class _Run:
     """One call of ``render``."""
 
     def __init__(
-        self,
-        scene: Scene,
-        settings: Settings,
-        window: Window,
-        target: float | None,
-        progress: Callable[[Progress], None],
+        self, job: Job, plan: Plan, layout: Layout, keep: Checkpoint | None, progress: Callable[[Progress], None]
     ) -> None:
-        self.scene, self.settings, self.window, self.target, self.progress = scene, settings, window, target, progress
-        self.plan = make_plan(scene)
-        self.precision = self.plan.precision.name if settings.precision == "auto" else settings.precision
-        self.model = MODELS[settings.sampler]
-        self.at = curve(window)
-        self.film = make_film(len(self.at))
-        y, x = np.divmod(np.pad(self.at, (0, len(self.film.samples) - len(self.at)), "edge"), window.width)
-        self.x, self.y = (x + window.x).astype(np.uint32), (y + window.y).astype(np.uint32)
+        self.job, self.plan, self.layout, self.keep, self.progress = job, plan, layout, keep, progress
+        model = MODELS[job.settings.sampler]
+        self.canvas = Canvas(job.window, model)
         self.search = None
-        if target is not None:
-            self.search = adaptive.Search(self.film, self.at, window, self.model, target, settings.spp)
-        self.samples = np.zeros((window.height, window.width), np.int32)
+        if job.target is not None:
+            film, at = self.canvas.film, self.canvas.at
+            self.search = adaptive.Search(film, at, job.window, model, job.target, job.settings.spp)
+        self.samples = np.zeros((job.window.height, job.window.width), np.int32)
         self.layers = Layers(self.samples, self._trace_layers)
-        self.began = time.perf_counter()
-        self._local = threading.local()
+        self.began = self._drawing = time.perf_counter()
+        self._numbers = itertools.count()  # of parts, in an order that only the job and its layout decide
         self._cancelled = threading.Event()
-        self._wavefronts: list[Wavefront] = []
+        self._crew: Crew | None = None
 
     def run(self, threads: int, time_limit: float, layers: Sequence[str]) -> Render:
         """Draw until done, stopped or out of time."""
         self._deadline = self.began + time_limit
         self.with_layers = bool(set(layers) - {"samples"})
         complete, interrupted = False, False
-        with on_compile(self._compile_ahead) as compiled:
+        with on_compile(self._compile_ahead) as compiled, self.keep or contextlib.nullcontext():
             try:
-                self._prepare()
-                self._load_kernels()
+                crew = self._crew = Crew(self._stage(), self.job.scene.camera, self.job.settings)
+                crew.load_kernels()
+                self._hand_out = partial(self._by_threads, crew, threads)
                 self._drawing = time.perf_counter()
-                all_drawn = self._draw_all(threads, hasty=time_limit < np.inf)
-                complete = all_drawn and (self.search is None or self._refine(threads, self.search))
+                complete = self._draw_all() and (self.search is None or self._refine(self.search))
                 for name in layers:
                     self.layers[name]
             except KeyboardInterrupt:
@@ -166,131 +153,117 @@ class _Job:
         """Whether to stop: after Ctrl-C, an error, or the time limit."""
         return self._cancelled.is_set() or time.perf_counter() > self._deadline
 
-    def _draw_all(self, threads: int, hasty: bool) -> bool:
+    def _draw_all(self) -> bool:
         """Draw round after round: a pixel's samples are summed in their order, so no tile may be in two at once."""
-        spp = self.settings.spp if self.target is None else min(adaptive.FIRST, self.settings.spp)
-        pixels, done = len(self.film.samples), 0
+        spp = self.job.settings.spp if self.search is None else min(adaptive.FIRST, self.job.settings.spp)
+        pixels, done = len(self.canvas.film.samples), 0
         drawn = [
-            [Part(first, last, piece) for piece in pieces(pixels, BATCH // (last - first))]
-            for first, last in rounds(spp, hasty)
+            [Part(first, last, piece) for piece in pieces(pixels, max(self.layout.at_least, BATCH // (last - first)))]
+            for first, last in rounds(spp, self.layout.hasty)
         ]
         for parts in drawn:
-            if not self._draw_parts(parts, threads, done, sum(map(len, drawn))):
+            if not self._draw_parts(parts, done, sum(map(len, drawn))):
                 return False
             done += len(parts)
-        return int(self.film.samples.min()) == spp
+        return int(self.canvas.film.samples.min()) == spp
 
-    def _draw_parts(self, parts: Sequence[Part], threads: int, before: int, total: int) -> bool:
-        report = partial(self._report, before, total)
-        return parallel.run(self._draw, parts, threads, self._over, report, self._cancelled.set)
-
-    def _refine(self, threads: int, search: adaptive.Search) -> bool:
+    def _refine(self, search: adaptive.Search) -> bool:
         """Give more samples to pixels round after round, until the error of the picture meets the target."""
         done = 0
         while parts := search.parts():
-            if not self._draw_parts(parts, threads, done, done + len(parts)):
+            if not self._draw_parts(parts, done, done + len(parts)):
                 return False
             done += len(parts)
         return True
 
+    def _draw_parts(self, parts: Sequence[Part], before: int, total: int) -> bool:
+        numbered = list(zip(parts, self._numbers, strict=False))  # parts first: they end, and numbers go on
+        left = [each for each in numbered if not self._restore(*each)]
+        return self._hand_out(left, partial(self._report, before + len(numbered) - len(left), total))
+
+    def _by_threads(
+        self, crew: Crew, threads: int, left: Sequence[tuple[Part, int]], report: Callable[[int], None]
+    ) -> bool:
+        return parallel.run(partial(self._draw, crew), left, threads, self._over, report, self._cancelled.set)
+
+    def _draw(self, crew: Crew, numbered: tuple[Part, int]) -> None:
+        """Add samples of some pixels to the film."""
+        part, number = numbered
+        sheet = self.canvas.lend(part)
+        done = crew.draw(sheet, part.first, part.last, self._over)
+        if self.keep and done == part.last:
+            self.keep.add(number, sheet.sums)
+        self._take_back(part, sheet, done)
+
+    def _restore(self, part: Part, number: int) -> bool:
+        """Put a part on the film as it is in the checkpoint; whether it is there."""
+        sums = self.keep.find(number) if self.keep else None
+        if sums is None:
+            return False
+        sheet = self.canvas.lend(part)
+        sheet.sums[:] = sums
+        self._take_back(part, sheet, part.last)
+        return True
+
+    def _take_back(self, part: Part, sheet: Sheet, samples: int) -> None:
+        shown = self.canvas.take_back(part, sheet, samples)
+        if self.search:
+            self.search.show(part.pixels, shown)
+
     def _report(self, before: int, total: int, done: int) -> None:
+        if self.keep:
+            self.keep.write_when_due()
         self._say("rendering", before + done, total)
 
     def _say(self, stage: str, done: int, total: int) -> None:
-        rays = sum(wavefront.rays.total() for wavefront in list(self._wavefronts))
+        rays = self._crew.rays().total() if self._crew else 0
         since = self._drawing if stage == "rendering" else self.began
         self.progress(Progress(stage, done, total, rays, time.perf_counter() - since))
 
-    def _prepare(self) -> None:
-        if self.precision not in _stages.get(self.scene, {}):
+    def _stage(self) -> Stage:
+        if not is_built(self.job.scene, self.job.precision):
             self._say("building", 0, 1)
-        self.stage = stage_of(self.scene, self.plan, self.precision)
-        self.view = make_view(self.scene.camera, self.settings.size, np.dtype(self.precision))
-        self.sampler = make_sampler(self.settings.sampler, self.settings.seed, self.settings.spp)
-
-    def _load_kernels(self) -> None:
-        """Have the machine code of kernels ready here, where Ctrl-C is noticed, and not in the threads that draw."""
-        load_all(tracing(Wavefront(self.stage, self.view, self.sampler, PACKET)))
+        return stage_of(self.job.scene, self.plan, self.job.precision)
 
     def _compile_ahead(self) -> None:
         """Have all compiled that this picture needs, for a kernel is missing."""
         self._say("compiling", 0, 1)
-        plan, large = self.plan, len(self.scene.mesh.faces) > FEW
+        plan, large = self.plan, len(self.job.scene.mesh.faces) > FEW
         features = plan.smooth, plan.refraction, plan.lights > 0, large, self.with_layers, self.search is not None
-        compile_ahead([Picture(self.precision, self.settings.sampler, *features)], partial(self._say, "compiling"))
-
-    def _draw(self, part: Part) -> None:
-        """Add samples of some pixels to the film."""
-        pixels = part.pixels
-        if isinstance(pixels, slice):
-            self._add(part, self.film, pixels.start, self.x[pixels], self.y[pixels])
-            return
-        padded = np.append(pixels, np.repeat(pixels[-1:], -len(pixels) % PACKET))
-        film = taken(self.film, padded)
-        self._add(part, film, 0, self.x[padded], self.y[padded])
-        put(self.film, pixels, film)
-
-    def _add(self, part: Part, film: Film, begin: int, x: NDArray[np.uint32], y: NDArray[np.uint32]) -> None:
-        """Add samples of pixels (x, y), the first of which is there in a film, a batch after the other."""
-        step = max(1, BATCH // len(x))
-        done = part.first
-        while done < part.last and not self._over():
-            after = min(done + step, part.last)
-            self._wavefront((after - done) * len(x)).add_samples(x, y, done, after, film.sums, begin)
-            done = after
-        film.samples[begin : begin + len(x)] = done
-        shown = np.empty((3, len(x)))
-        estimate(film, begin, begin + len(x), self.model, shown.reshape(-1))
-        if self.search:
-            self.search.show(part.pixels, shown)
-
-    def _wavefront(self, n: int) -> Wavefront:
-        """Wavefront of the calling thread for batches of n samples."""
-        mine = self._local.__dict__.setdefault("wavefronts", {})
-        if n not in mine:
-            mine[n] = Wavefront(self.stage, self.view, self.sampler, n)
-            self._wavefronts.append(mine[n])
-        return mine[n]
+        picture = Picture(self.job.precision, self.job.settings.sampler, *features)
+        compile_ahead([picture], partial(self._say, "compiling"))
 
     def _picture(self, complete: bool, interrupted: bool, compile_seconds: float) -> Render:
-        m, place = len(self.at), inverse(self.at)
-        variance, squares = self.film.variance[place], self.film.error[place]
-        self.samples[:] = self.film.samples[place].reshape(self.samples.shape)
-        rgb = np.empty((m, 3), np.float32)
-        rgb[self.at] = means(self.film, m).T.astype(np.float32, order="C")
+        size, settings = self.samples.shape, self.job.settings
+        drawn = self.canvas.develop()
+        self.samples[:] = drawn.samples.reshape(size)
         seconds = time.perf_counter() - self.began
-        passes: defaultdict[str, float] = defaultdict(float)
-        rays: Counter[str] = Counter()
-        for wavefront in self._wavefronts:
-            rays.update(wavefront.rays)
-            for name, spent in wavefront.seconds.items():
-                passes[name] += spent
-        error = root_mean(squares) if self.search is None else self.search.error
+        error = root_mean(drawn.error) if self.search is None else self.search.error
         stats = {
             "seconds": seconds,
             "compile_seconds": compile_seconds,
-            "seconds_by_pass": dict(passes),
-            "rays": dict(rays),
+            "seconds_by_pass": dict(self._crew.seconds()) if self._crew else {},
+            "rays": dict(self._crew.rays()) if self._crew else {},
             "samples": int(self.samples.sum()),
             "estimated_error": error,
-            "estimated_error_linear": root_mean(variance),
-            "target_reached": None if self.target is None else bool(error <= self.target),
+            "estimated_error_linear": root_mean(drawn.variance),
+            "target_reached": None if self.job.target is None else bool(error <= self.job.target),
         }
         provenance = {
             "version": raytrace.__version__,
-            "scene_sha256": self.scene.sha256,
-            "size": f"{self.settings.size[0]}x{self.settings.size[1]}",
-            "spp": self.settings.spp,
-            "max_depth": self.settings.max_depth,
-            "sampler": self.settings.sampler,
-            "seed": self.settings.seed,
-            "precision": self.precision,
+            "scene_sha256": self.job.scene.sha256,
+            "size": f"{settings.size[0]}x{settings.size[1]}",
+            "spp": settings.spp,
+            "max_depth": settings.max_depth,
+            "sampler": settings.sampler,
+            "seed": settings.seed,
+            "precision": self.job.precision,
             "complete": int(complete),
             "seconds": round(seconds, 4),
         }
-        stderr = np.sqrt(variance).astype(np.float32).reshape(self.samples.shape)
-        return Render(rgb.reshape(*stderr.shape, 3), stderr, self.layers, stats, provenance, complete, interrupted)
+        rgb, stderr = drawn.rgb.reshape(*size, 3), np.sqrt(drawn.variance).astype(np.float32).reshape(size)
+        return Render(rgb, stderr, self.layers, stats, provenance, complete, interrupted, self.keep)
 
     def _trace_layers(self) -> dict[str, NDArray[Any]]:
-        self._prepare()
-        return trace_layers(self.scene, self.stage.bvh, self.settings.size, self.window)
+        stage = stage_of(self.job.scene, self.plan, self.job.precision)
+        return trace_layers(self.job.scene, stage.bvh, self.job.settings.size, self.job.window)
