@@ -19,8 +19,7 @@ import time
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +32,9 @@ SUFFIX = ".checkpoint"  # after the name of the picture
 FORMAT = 1
 HEAD = struct.Struct("<IIQ")  # of a record: CRC-32 of all that follows, number of the part, bytes of its sums
 EVERY = 2.0  # seconds between two writes at least
-SHARE = 0.02  # of the time that may go into writes
+SHARE = (
+    0.05  # of the time spent on drawing parts that may go into keeping them; those that would exceed it are not kept
+)
 ROOM = 1 << 25  # bytes that wait to be written at most
 QUIET = 10.0  # seconds of drawing of which nothing is kept unless it is asked for: a short picture pays nothing
 
@@ -64,7 +65,8 @@ class Checkpoint:
         self._file = -1  # open for appending; -1: closed
         self._end = 0  # of its last whole record
         self._parts: dict[int, Record] = {}
-        self._waiting: list[bytes] = []
+        self._waiting: list[bytes] = []  # heads and sums, in turn
+        self._balance = 0.0  # seconds that may still go into keeping parts
         self._ours = False  # the file on disk is of this picture
         self._stopped = False
         self._lock = threading.Lock()
@@ -79,7 +81,13 @@ class Checkpoint:
         """
         self._job, self._layout, self._began = job, layout, time.monotonic()
         self._due = self._began + EVERY
-        found = self._look()
+        try:
+            found = self._look()
+        except FileError as error:
+            if self.resume:
+                raise
+            self._give_up(str(error))
+            return layout
         if found is None:
             if self.resume:
                 self._create()
@@ -105,24 +113,30 @@ class Checkpoint:
             return None
         return np.frombuffer(_read(self.path, *record), "<f8").reshape(3 * BINS, -1)
 
-    def add(self, number: int, sums: NDArray[np.float64]) -> None:
-        """Keep a finished part; it is written later. Any thread may call this."""
+    def add(self, number: int, sums: NDArray[np.float64], seconds: float) -> None:
+        """Keep a finished part, which took so many seconds to draw; it is written later. Any thread may call this."""
         if self._stopped or (not self.resume and time.monotonic() - self._began < QUIET):
             return
-        record = _record(number, sums.astype("<f8", copy=False).tobytes())
         with self._lock:
-            self._waiting.append(record)
+            self._balance += SHARE * seconds
+            if self._balance < 0:  # cheap parts of a large film: drawing some of them again costs less
+                return
+            began = time.thread_time()  # waiting for the disk costs the threads that draw nothing
+            content = sums.astype("<f8", copy=False).tobytes()
+            self._waiting += [_head(number, content), content]
             if sum(map(len, self._waiting)) > ROOM:
                 self._write()
+            self._balance -= time.thread_time() - began
 
     def write_when_due(self) -> None:
         """Write what waits, if the last write was long enough ago."""
         if time.monotonic() < self._due:
             return
-        began = time.thread_time()  # waiting for the disk costs the threads that draw nothing
+        began = time.thread_time()
         with self._lock:
             self._write(sync=True)
-        self._due = time.monotonic() + max(EVERY, (time.thread_time() - began) / SHARE)
+            self._balance -= time.thread_time() - began
+        self._due = time.monotonic() + EVERY
 
     def remove(self) -> None:
         """Delete the file, if it is of this picture: it has been written."""
@@ -135,15 +149,11 @@ class Checkpoint:
         """Whether there is a file from which this picture can go on."""
         return self._ours and self.path.exists()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Write what waits, and close the file."""
+    def close(self, complete: bool) -> None:
+        """Close the file; what waits is written unless the picture is complete: it will be written itself."""
         with self._lock:
-            self._write(sync=True)
+            if not complete:
+                self._write(sync=True)
             self._stopped = True
             if self._file >= 0:
                 os.close(self._file)
@@ -173,7 +183,7 @@ class Checkpoint:
         title = json.dumps({"picture": self._title(), "layout": self._layout._asdict()}).encode()
         temporary = self.path.with_name(f".{os.urandom(8).hex()}.tmp")
         try:
-            temporary.write_bytes(_record(0, title))
+            temporary.write_bytes(_head(0, title) + title)
             os.replace(temporary, self.path)
         except OSError as error:
             raise FileError(f"{self.path}: can't be written: {error.strerror}") from error
@@ -210,11 +220,11 @@ class Checkpoint:
         """Append what waits; nothing is written any more once that fails."""
         if self._stopped or not self._waiting:
             return
-        content = b"".join(self._waiting)
         try:
             if self._file < 0:
                 self._create()
-            _write_all(self._file, content)
+            for content in self._waiting:
+                _write_all(self._file, content)
             if sync:
                 os.fsync(self._file)
         except FileError as error:
@@ -225,7 +235,7 @@ class Checkpoint:
             self._cut()
             raise
         else:
-            self._end += len(content)
+            self._end += sum(map(len, self._waiting))
             self._waiting.clear()
 
     def _give_up(self, reason: str) -> None:
@@ -251,8 +261,8 @@ def _checksum(number: int, content: bytes) -> int:
     return zlib.crc32(content, zlib.crc32(struct.pack("<IQ", number, len(content))))
 
 
-def _record(number: int, content: bytes) -> bytes:
-    return HEAD.pack(_checksum(number, content), number, len(content)) + content
+def _head(number: int, content: bytes) -> bytes:
+    return HEAD.pack(_checksum(number, content), number, len(content))
 
 
 def _read(path: Path, offset: int, length: int) -> bytes:

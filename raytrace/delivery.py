@@ -41,7 +41,7 @@ def deliver(image: Render, path: Path, exposure: float) -> tuple[Path, str]:
                 os.rmdir(elsewhere)
                 continue
             return written, f"{failure}; the picture is in {written}"
-    raise FileError(f"{failure}; nor anywhere else{_kept(image, ': --resume goes on from {}')}")
+    raise FileError(f"{failure}; nor anywhere else{_kept(image, '; --resume goes on from {}')}")
 
 
 def remarks(image: Render, last: Event | None, seconds: float, target: float | None) -> Iterator[str]:

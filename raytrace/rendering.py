@@ -1,6 +1,5 @@
 """``render``: tiles of pixels on several threads, with progress, cancel, a time limit and a wanted error."""
 
-import contextlib
 import itertools
 import threading
 import time
@@ -136,7 +135,7 @@ class _Run:
         self._deadline = self.began + time_limit
         self.with_layers = bool(set(layers) - {"samples"})
         complete, interrupted = False, False
-        with on_compile(self._compile_ahead) as compiled, self.keep or contextlib.nullcontext():
+        with on_compile(self._compile_ahead) as compiled:
             try:
                 crew = self._crew = Crew(self._stage(), self.job.scene.camera, self.job.settings)
                 crew.load_kernels()
@@ -147,6 +146,9 @@ class _Run:
                     self.layers[name]
             except KeyboardInterrupt:
                 interrupted = True
+            finally:
+                if self.keep:
+                    self.keep.close(complete)
         return self._picture(complete, interrupted, compiled.seconds)
 
     def _over(self) -> bool:
@@ -190,9 +192,10 @@ class _Run:
         """Add samples of some pixels to the film."""
         part, number = numbered
         sheet = self.canvas.lend(part)
+        began = time.perf_counter()
         done = crew.draw(sheet, part.first, part.last, self._over)
         if self.keep and done == part.last:
-            self.keep.add(number, sheet.sums)
+            self.keep.add(number, sheet.sums, time.perf_counter() - began)
         self._take_back(part, sheet, done)
 
     def _restore(self, part: Part, number: int) -> bool:
