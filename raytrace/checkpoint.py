@@ -69,7 +69,8 @@ class Checkpoint:
         self._balance = 0.0  # seconds that may still go into keeping parts
         self._ours = False  # the file on disk is of this picture
         self._stopped = False
-        self._lock = threading.Lock()
+        self._lock = threading.Lock()  # of what waits: nobody holds it for long
+        self._turn = threading.Lock()  # of whoever writes
 
     def begin(self, job: Job, layout: Layout) -> Layout:
         """Open the file of a picture; the layout of its parts, which is the file's if it is gone on from.
@@ -117,26 +118,37 @@ class Checkpoint:
         """Keep a finished part, which took so many seconds to draw; it is written later. Any thread may call this."""
         if self._stopped or (not self.resume and time.monotonic() - self._began < QUIET):
             return
+        began = time.perf_counter()
         with self._lock:
             self._balance += SHARE * seconds
             if self._balance < 0:  # cheap parts of a large film: drawing some of them again costs less
                 return
-            began = time.thread_time()  # waiting for the disk costs the threads that draw nothing
             content = sums.astype("<f8", copy=False).tobytes()
             self._waiting += [_head(number, content), content]
-            if sum(map(len, self._waiting)) > ROOM:
-                self._write()
-            self._balance -= time.thread_time() - began
+            full = sum(map(len, self._waiting)) > ROOM
+        if full:
+            self._write()
+        self._spend(time.perf_counter() - began)
 
     def write_when_due(self) -> None:
         """Write what waits, if the last write was long enough ago."""
         if time.monotonic() < self._due:
             return
-        began = time.thread_time()
-        with self._lock:
-            self._write(sync=True)
-            self._balance -= time.thread_time() - began
+        began = time.thread_time()  # waiting for the disk here costs the threads that draw nothing
+        self._write()
+        self._sync()
+        self._spend(time.thread_time() - began)
         self._due = time.monotonic() + EVERY
+
+    def close(self, complete: bool) -> None:
+        """Close the file; what waits is written unless the picture is complete: it will be written itself."""
+        if not complete:
+            self._write()
+            self._sync()
+        self._stopped = True
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
 
     def remove(self) -> None:
         """Delete the file, if it is of this picture: it has been written."""
@@ -148,16 +160,6 @@ class Checkpoint:
     def kept(self) -> bool:
         """Whether there is a file from which this picture can go on."""
         return self._ours and self.path.exists()
-
-    def close(self, complete: bool) -> None:
-        """Close the file; what waits is written unless the picture is complete: it will be written itself."""
-        with self._lock:
-            if not complete:
-                self._write(sync=True)
-            self._stopped = True
-            if self._file >= 0:
-                os.close(self._file)
-                self._file = -1
 
     def _look(self) -> dict[str, Any] | None:
         """What the file says of itself; None: there is none."""
@@ -216,32 +218,42 @@ class Checkpoint:
                 self._end += HEAD.size + length
         os.ftruncate(self._file, self._end)
 
-    def _write(self, sync: bool = False) -> None:
+    def _spend(self, seconds: float) -> None:
+        with self._lock:
+            self._balance -= seconds
+
+    def _write(self) -> None:
         """Append what waits; nothing is written any more once that fails."""
-        if self._stopped or not self._waiting:
-            return
-        try:
-            if self._file < 0:
-                self._create()
-            for content in self._waiting:
-                _write_all(self._file, content)
-            if sync:
+        with self._turn:
+            with self._lock:
+                waiting, self._waiting = self._waiting, []
+            if self._stopped or not waiting:
+                return
+            try:
+                if self._file < 0:
+                    self._create()
+                for content in waiting:
+                    _write_all(self._file, content)
+                self._end += sum(map(len, waiting))
+            except FileError as error:
+                self._give_up(str(error))
+            except OSError as error:
+                self._give_up(f"{self.path}: can't be written: {error.strerror}")
+            except BaseException:  # Ctrl-C in the midst: it comes again
+                self._cut()
+                with self._lock:
+                    self._waiting = waiting + self._waiting
+                raise
+
+    def _sync(self) -> None:
+        """Have the system put on the disk what was written, lest a power cut take it."""
+        if self._file >= 0:
+            with contextlib.suppress(OSError):  # a file system that can't
                 os.fsync(self._file)
-        except FileError as error:
-            self._give_up(str(error))
-        except OSError as error:
-            self._give_up(f"{self.path}: can't be written: {error.strerror}")
-        except BaseException:  # Ctrl-C in the midst: the rest comes later
-            self._cut()
-            raise
-        else:
-            self._end += sum(map(len, self._waiting))
-            self._waiting.clear()
 
     def _give_up(self, reason: str) -> None:
         self._cut()
         self._stopped = True
-        self._waiting.clear()
         self._tell(f"{reason}; no more parts are kept, drawing goes on")
 
     def _cut(self) -> None:

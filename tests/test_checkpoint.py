@@ -376,6 +376,18 @@ def test_a_signal_to_end_saves_what_is_finished_and_says_how_to_go_on(undisturbe
 
 
 @posix
+def test_ctrl_c_twice_loses_what_was_not_yet_on_disk_and_no_more(undisturbed, tmp_path):
+    path = tmp_path / "a.npz"
+    process = start("-o", str(path), "--resume")
+    wait_for_parts(path)
+    process.send_signal(signal.SIGINT)
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=60)
+    assert process.returncode == 130
+    finish(path, undisturbed)
+
+
+@posix
 def test_a_closed_terminal_loses_nothing(undisturbed, tmp_path):
     import fcntl
     import termios

@@ -13,7 +13,6 @@ import raytrace as rt
 PICTURES: dict[str, dict[str, Any]] = {
     "512 x 512, 1024 samples": {"size": (512, 512), "spp": 1024},
     "2048 x 2048, 32 samples": {"size": (2048, 2048), "spp": 32},
-    "2048 x 2048, 4 samples": {"size": (2048, 2048), "spp": 4},
     "512 x 512, 16 samples": {"size": (512, 512), "spp": 16},
     "1024 x 1024, to an error of 5e-5": {"size": (1024, 1024), "target_error": 5e-5},
 }
