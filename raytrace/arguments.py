@@ -112,6 +112,8 @@ def render_options(parser: ArgumentParser) -> None:
     samplers = one_of("sobol", "stratified", "independent")
     add("--sampler", type=samplers, metavar="NAME", help="sobol, stratified or independent")
     add("--threads", type=whole_number(1, 4096), metavar="N", help="(default: one a core); no effect on the picture")
+    text = "a Dask scheduler, as tcp://host:8786: its workers draw"
+    add("--cluster", metavar="ADDRESS", help=text)
     add("--time-limit", type=real_number(1e-3, 1e9), metavar="SECONDS", help="stop then and save what is finished")
     add("--target-error", type=real_number(1e-6, 0.999), metavar="E", help="RMSE (sRGB, 0..1) to reach; --spp caps it")
     text = "go on from what a render of the same picture kept beside it, or keep it from the start"

@@ -47,10 +47,6 @@ def _say(line: str) -> None:
         _drain(sys.stderr)
 
 
-def _silence(_line: str) -> None:
-    """Take the place of `_say` under ``--quiet``."""
-
-
 def _print_json(value: Any) -> None:
     import json
     import math
@@ -78,17 +74,18 @@ def _render(args: Namespace) -> int:
     path = check_path(args.output or f"{args.scene.stem}.png")  # before time is spent on rendering
     if args.aov and path.suffix.lower() == ".png":
         raise ArgumentError(None, f"--aov: a PNG has no room for layers; use -o {path.stem}.exr or {path.stem}.npz")
-    say = _silence if args.quiet else _say
+    say = (lambda _line: None) if args.quiet else _say
     with signals_interrupt():
         scene = raytrace.load(args.scene)
         for warning in scene.warnings:
             say(f"warning: {warning}")
-        from raytrace.delivery import checkpoint_of, deliver, remarks
+        from raytrace.delivery import checkpoint_of, connected, deliver, remarks
 
         with Reporter(say, bar=at_terminal() and not args.quiet) as reporter:
             options = {key: getattr(args, key) for key in RENDER_OPTIONS}
             options["checkpoint"] = checkpoint_of(path, args.resume, say)
-            image = raytrace.render(scene, progress=reporter, **options)
+            with connected(args.cluster) as options["client"]:
+                image = raytrace.render(scene, progress=reporter, **options)
         if image.interrupted and not image.aov["samples"].any():
             _say("interrupted before any part was finished; nothing was saved")
             return INTERRUPTED

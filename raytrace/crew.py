@@ -2,7 +2,7 @@
 
 import threading
 from collections import Counter, defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -12,8 +12,10 @@ from raytrace.jit import load_all
 from raytrace.needs import tracing
 from raytrace.passes.camera import make_view
 from raytrace.passes.sampling import make_sampler
-from raytrace.records import Camera, Settings
-from raytrace.wavefront import BATCH, Stage, Wavefront
+from raytrace.records import Scene, Settings
+from raytrace.scene.plan import Plan
+from raytrace.stages import stage_of
+from raytrace.wavefront import BATCH, Wavefront
 
 
 class Crew:
@@ -21,15 +23,17 @@ class Crew:
 
     Parameters
     ----------
-    stage : Stage
-    camera : Camera
+    scene : Scene
+        Is built if it wasn't before.
+    plan : Plan
+    precision : str
     settings : Settings
         Film, samples and seed.
     """
 
-    def __init__(self, stage: Stage, camera: Camera, settings: Settings) -> None:
-        self.stage = stage
-        self._view = make_view(camera, settings.size, np.dtype(stage.bvh.precision))
+    def __init__(self, scene: Scene, plan: Plan, precision: str, settings: Settings) -> None:
+        self.scene, self.stage = scene, stage_of(scene, plan, precision)
+        self._view = make_view(scene.camera, settings.size, np.dtype(precision))
         self._sampler = make_sampler(settings.sampler, settings.seed, settings.spp)
         self._local = threading.local()
         self._wavefronts: list[Wavefront] = []
@@ -64,17 +68,23 @@ class Crew:
             self._wavefronts.append(mine[n])
         return mine[n]
 
+    def mine(self) -> tuple[Counter[str], dict[str, float]]:
+        """Rays traced and seconds spent so far by the calling thread."""
+        return _tally(self._local.__dict__.get("wavefronts", {}).values())
+
     def rays(self) -> Counter[str]:
         """Rays traced so far, by kind."""
-        traced: Counter[str] = Counter()
-        for wavefront in list(self._wavefronts):
-            traced.update(wavefront.rays)
-        return traced
+        return _tally(list(self._wavefronts))[0]
 
     def seconds(self) -> dict[str, float]:
         """Seconds spent so far, by pass; summed over threads."""
-        spent: defaultdict[str, float] = defaultdict(float)
-        for wavefront in list(self._wavefronts):
-            for name, seconds in wavefront.seconds.items():
-                spent[name] += seconds
-        return dict(spent)
+        return _tally(list(self._wavefronts))[1]
+
+
+def _tally(wavefronts: Iterable[Wavefront]) -> tuple[Counter[str], dict[str, float]]:
+    rays, seconds = Counter[str](), defaultdict[str, float](float)
+    for wavefront in wavefronts:
+        rays.update(wavefront.rays)
+        for name, spent in wavefront.seconds.items():
+            seconds[name] += spent
+    return rays, dict(seconds)

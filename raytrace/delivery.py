@@ -5,16 +5,32 @@ import os
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from raytrace.checkpoint import SUFFIX, Checkpoint
 from raytrace.errors import FileError
 from raytrace.picture import Render
 from raytrace.terminal import Event, speed
 
+if TYPE_CHECKING:
+    from distributed import Client
+
 
 def checkpoint_of(path: Path, resume: bool, say: Callable[[str], None]) -> Checkpoint:
     """What keeps finished parts of a picture: a file beside it."""
     return Checkpoint(path.with_name(path.name + SUFFIX), resume, say)
+
+
+@contextlib.contextmanager
+def connected(address: str | None) -> Iterator["Client | None"]:
+    """A client of the scheduler at an address, as long as it is needed; None where there is no address."""
+    if address is None:
+        yield None
+        return
+    from raytrace.cluster import connect
+
+    with connect(address) as client:
+        yield client
 
 
 def deliver(image: Render, path: Path, exposure: float) -> tuple[Path, str]:

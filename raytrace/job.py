@@ -43,6 +43,11 @@ def identity(job: Job) -> dict[str, Any]:
     }
 
 
+def build() -> str:
+    """Which raytrace this is."""
+    return f"{raytrace.__version__} ({sources()})"
+
+
 @cache
 def sources() -> str:
     """A hash of this package as it is installed: two versions of one number differ while they are worked on."""

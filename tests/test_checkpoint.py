@@ -17,6 +17,7 @@ from raytrace import checkpoint, parts
 from raytrace.checkpoint import Checkpoint
 from raytrace.delivery import deliver
 from raytrace.errors import FileError
+from raytrace.journal import HEAD
 from small_scenes import studio
 
 ROOT = Path(__file__).parents[1]
@@ -138,7 +139,7 @@ def test_a_file_cut_anywhere_or_with_a_wrong_bit_gives_the_same_picture(scene, f
     ask, draw = {"spp": 64}, random.Random(1)
     whole = rt.render(scene, size=SIZE, **ask)
     content = kept_part(scene, file, **ask)
-    title = checkpoint.HEAD.size + checkpoint.HEAD.unpack(content[: checkpoint.HEAD.size])[2]
+    title = HEAD.size + HEAD.unpack(content[: HEAD.size])[2]
     for k in range(12):
         at = draw.randrange(title, len(content))
         wrong = bytearray(content)
@@ -149,7 +150,7 @@ def test_a_file_cut_anywhere_or_with_a_wrong_bit_gives_the_same_picture(scene, f
 
 def test_a_record_that_lies_about_its_length_is_the_end(scene, file):
     content = kept_part(scene, file, spp=64)
-    file.write_bytes(content + checkpoint.HEAD.pack(0, 5, 1 << 62) + b"few")
+    file.write_bytes(content + HEAD.pack(0, 5, 1 << 62) + b"few")
     assert_same(rt.render(scene, size=SIZE, spp=64), rt.render(scene, checkpoint=file, size=SIZE, spp=64))
 
 
@@ -217,7 +218,7 @@ def test_two_renders_do_not_write_one_file(scene, file):
 
     def progress(event):
         if event.stage == "rendering":
-            with pytest.raises(FileError, match="another render is writing it"):
+            with pytest.raises(FileError, match="another render writes it"):
                 rt.render(scene, **ask)
             raise KeyboardInterrupt
 
