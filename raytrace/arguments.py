@@ -98,10 +98,21 @@ RENDER_OPTIONS = (
 )
 
 
+def scene_options(parser: ArgumentParser) -> None:
+    """Declare a scene, and where its meshes may lie."""
+    parser.add_argument("scene", type=Path, help="scene file (JSON)")
+    _root_option(parser)
+
+
+def _root_option(parser: ArgumentParser) -> None:
+    text = "a folder whose files the scene may read too (default: only those below its own)"
+    parser.add_argument("--root", type=Path, metavar="DIR", help=text)
+
+
 def render_options(parser: ArgumentParser) -> None:
     """Declare the options of ``render``."""
+    scene_options(parser)
     add = parser.add_argument
-    add("scene", type=Path, help="scene file (JSON)")
     add("-o", "--output", type=Path, metavar="FILE", help=".png, .exr or .npz (default: ./<scene>.png)")
     add("--spp", type=whole_number(1), metavar="N", help="samples per pixel (default: the scene's)")
     add("--size", type=whole_numbers("WxH", "x", (1, 1)), metavar="WxH", help="film, pixels (default: the scene's)")
@@ -144,6 +155,7 @@ def report_options(parser: ArgumentParser) -> None:
     """Declare the options of ``report``."""
     add = parser.add_argument
     add("scene", type=Path, nargs="?", help="scene file (JSON) whose speed is measured against its error")
+    _root_option(parser)
     add("--hard-cases", action="store_true", help="rays that break ray tracers, judged exactly, instead of a scene")
     add("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the report")
     add("--reference", type=Path, metavar="FILE", help=".exr or .npz to judge by (default: one is drawn, and kept)")

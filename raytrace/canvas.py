@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.accel.lanes import PACKET
-from raytrace.parts import Part, curve, inverse
+from raytrace.parts import Part, curve
 from raytrace.passes.estimate import Model, estimate
-from raytrace.passes.film import Film, make_film, means, put, taken
+from raytrace.passes.film import Film, Frame, develop, make_film, make_frame, put, taken
 from raytrace.records import Window
 
 
@@ -29,15 +29,6 @@ class Sheet(NamedTuple):
 def blank(x: NDArray[np.uint32], y: NDArray[np.uint32]) -> Sheet:
     """A sheet of its own without a sample, for whole packets of pixels."""
     return Sheet(x, y, make_film(len(x)), 0)
-
-
-class Picture(NamedTuple):
-    """A film developed: a row of numbers a pixel, row after row of the window."""
-
-    rgb: NDArray[np.float32]  # (m, 3) linear radiance
-    samples: NDArray[np.int32]  # (m,)
-    variance: NDArray[np.float64]  # (m,) of the mean luminance
-    error: NDArray[np.float64]  # (m,) squared, as shown
 
 
 class Canvas:
@@ -81,9 +72,8 @@ class Canvas:
             put(self.film, part.pixels, sheet.film)
         return shown
 
-    def develop(self) -> Picture:
+    def develop(self) -> Frame:
         """What the film shows by now."""
-        m, place = len(self.at), inverse(self.at)
-        rgb = np.empty((m, 3), np.float32)
-        rgb[self.at] = means(self.film, m).T.astype(np.float32, order="C")
-        return Picture(rgb, self.film.samples[place], self.film.variance[place], self.film.error[place])
+        frame = make_frame(len(self.at))
+        develop(self.film, self.at, frame)
+        return frame

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TextIO
 
 import raytrace
-from raytrace.arguments import RENDER_OPTIONS, compare_options, render_options, report_options, suggestion
+from raytrace import arguments
 from raytrace.errors import RaytraceError
 from raytrace.terminal import INTERRUPTED, Reporter, at_terminal, signals_interrupt
 
@@ -76,13 +76,13 @@ def _render(args: Namespace) -> int:
         raise ArgumentError(None, f"--aov: a PNG has no room for layers; use -o {path.stem}.exr or {path.stem}.npz")
     say = (lambda _line: None) if args.quiet else _say
     with signals_interrupt():
-        scene = raytrace.load(args.scene)
+        scene = raytrace.load(args.scene, args.root)
         for warning in scene.warnings:
             say(f"warning: {warning}")
         from raytrace.delivery import checkpoint_of, connected, deliver, remarks
 
         with Reporter(say, bar=at_terminal() and not args.quiet) as reporter:
-            options = {key: getattr(args, key) for key in RENDER_OPTIONS}
+            options = {key: getattr(args, key) for key in arguments.RENDER_OPTIONS}
             options["checkpoint"] = checkpoint_of(path, args.resume, say)
             with connected(args.cluster) as options["client"]:
                 image = raytrace.render(scene, progress=reporter, **options)
@@ -106,17 +106,13 @@ def _render(args: Namespace) -> int:
 # The other verbs ------------------------------------------------------------------------------------------------------
 
 
-def _scene_option(parser: ArgumentParser) -> None:
-    parser.add_argument("scene", type=Path, help="scene file (JSON)")
-
-
 def _explain(args: Namespace) -> int:
-    print(raytrace.explain(raytrace.load(args.scene)))
+    print(raytrace.explain(raytrace.load(args.scene, args.root)))
     return DONE
 
 
 def _check(args: Namespace) -> int:
-    scene = raytrace.load(args.scene)
+    scene = raytrace.load(args.scene, args.root)
     for warning in scene.warnings:
         print(f"warning: {warning}")
     raytrace.explain(scene)  # says so where no precision holds the scene
@@ -166,7 +162,7 @@ def _report(args: Namespace) -> int:
     if not args.scene:
         raise ArgumentError(None, "report: which scene? raytrace report scene.json -o DIR (or --hard-cases)")
     with signals_interrupt():
-        scene = raytrace.load(args.scene)
+        scene = raytrace.load(args.scene, args.root)
         with Reporter(_say, bar=at_terminal()) as reporter:
             options = {name: getattr(args, name) for name in ("reference", "budget", "size")}
             found = report(scene, args.output, progress=reporter, **options)
@@ -213,11 +209,13 @@ class Verb(NamedTuple):
 
 
 VERBS = {
-    "render": Verb("draw a scene; may be left out", _render, render_options),
-    "explain": Verb("show what a scene needs, what is left out, and why", _explain, _scene_option),
-    "check": Verb("check a scene and its meshes without drawing", _check, _scene_option),
-    "compare": Verb("measure how far a picture is from a reference", _compare, compare_options),
-    "report": Verb("measure speed against error, or how hard rays fare; write a page", _report, report_options),
+    "render": Verb("draw a scene; may be left out", _render, arguments.render_options),
+    "explain": Verb("show what a scene needs, what is left out, and why", _explain, arguments.scene_options),
+    "check": Verb("check a scene and its meshes without drawing", _check, arguments.scene_options),
+    "compare": Verb("measure how far a picture is from a reference", _compare, arguments.compare_options),
+    "report": Verb(
+        "measure speed against error, or how hard rays fare; write a page", _report, arguments.report_options
+    ),
     "schema": Verb("print the JSON Schema of scene files", _schema),
     "warmup": Verb("compile kernels now, not at the first picture", _warmup),
     "doctor": Verb("show versions, processor, cache and optional packages", _doctor),
@@ -243,7 +241,7 @@ def _run(words: list[str]) -> int:
     first = words[0] if words and not words[0].startswith("-") else ""
     if first in VERBS:
         return VERBS[first].run(_parser(first, VERBS[first]).parse_args(words[1:]))
-    meant = suggestion(first, VERBS)
+    meant = arguments.suggestion(first, VERBS)
     if meant and not Path(first).suffix and not Path(first).exists():
         raise ArgumentError(None, f"'{first}' is neither a verb nor a file{meant}")
     return VERBS["render"].run(_parser("render", VERBS["render"]).parse_args(words))

@@ -62,15 +62,18 @@ class Crew:
 
     def _wavefront(self, n: int) -> Wavefront:
         """Wavefront of the calling thread for batches of n samples."""
-        mine = self._local.__dict__.setdefault("wavefronts", {})
-        if n not in mine:
-            mine[n] = Wavefront(self.stage, self._view, self._sampler, n)
-            self._wavefronts.append(mine[n])
-        return mine[n]
+        front: Wavefront | None = getattr(self._local, "front", None)
+        if front is None or n > front.most:
+            front = self._local.front = Wavefront(self.stage, self._view, self._sampler, max(n, BATCH))
+            self._wavefronts.append(front)
+            self._local.__dict__.setdefault("all", []).append(front)
+        if n != front.n:
+            front.resize(n)
+        return front
 
     def mine(self) -> tuple[Counter[str], dict[str, float]]:
         """Rays traced and seconds spent so far by the calling thread."""
-        return _tally(self._local.__dict__.get("wavefronts", {}).values())
+        return _tally(getattr(self._local, "all", ()))
 
     def rays(self) -> Counter[str]:
         """Rays traced so far, by kind."""

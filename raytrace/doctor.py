@@ -9,7 +9,7 @@ from pathlib import Path
 
 import raytrace
 
-REQUIRED = ("numpy", "numba", "llvmlite", "trimesh", "pydantic", "pillow", "platformdirs", "rich")
+REQUIRED = ("numpy", "numba", "llvmlite", "pydantic", "pillow", "platformdirs", "rich")
 OPTIONAL = {"OpenEXR": "exr", "scikit-image": "report", "matplotlib": "report"}  # package: the extra that brings it
 
 

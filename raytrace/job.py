@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import raytrace
+from raytrace.adaptive import FIRST
 from raytrace.records import Scene, Settings, Window
 
 
@@ -17,6 +18,11 @@ class Job(NamedTuple):
     window: Window
     precision: str  # "float32" or "float64"
     target: float | None  # error of the picture, RMSE in sRGB; None: all pixels have the same samples
+
+    @property
+    def first_spp(self) -> int:
+        """Samples that all pixels have before any of them gets more."""
+        return self.settings.spp if self.target is None else min(FIRST, self.settings.spp)
 
 
 class Layout(NamedTuple):

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -12,11 +12,12 @@ from raytrace.errors import OptionError
 from raytrace.job import Job, Layout
 from raytrace.options import deadline_after, error_wanted, layers_of, override, window_of
 from raytrace.picture import Render
+from raytrace.preview import watcher_of
 from raytrace.progress import Progress
 from raytrace.records import Scene
 from raytrace.run import Run
 from raytrace.scene.load import load
-from raytrace.scene.plan import make_plan
+from raytrace.stages import plan_of
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -33,7 +34,7 @@ def render(
     sampler: str | None = None,
     *,
     threads: int | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[Progress], None] | Literal[False] | None = None,
     aov: Sequence[str] = (),
     crop: tuple[int, int, int, int] | None = None,
     time_limit: float | None = None,
@@ -52,8 +53,9 @@ def render(
         "stratified" or "independent". Default: what the scene says.
     threads : int, optional
         Default: all cores of the process. The picture has the same bits for any number.
-    progress : callable, optional
-        Is called with a ``Progress`` now and then.
+    progress : callable or False, optional
+        Is called with a ``Progress`` now and then. Default: in a notebook, the picture is shown as it gets better;
+        elsewhere, and where this is False, nothing is.
     aov : sequence of str
         Layers to compute and keep in files; all can be had from ``Render.aov`` later.
     crop : (x, y, width, height), pixels, optional
@@ -95,16 +97,16 @@ def render(
     settings = override(scene.settings, most, size, seed, precision, sampler)
     window = window_of(settings.size, crop)
     layers, limit = layers_of(aov), deadline_after(time_limit)
-    plan = make_plan(scene)
-    precision = plan.precision.name if settings.precision == "auto" else settings.precision
-    job, layout = Job(scene, settings, window, precision, target), Layout(hasty=limit < np.inf)
+    precision = plan_of(scene).precision.name if settings.precision == "auto" else settings.precision
+    job, watcher = Job(scene, settings, window, precision, target), watcher_of(progress)
+    layout = Layout(hasty=limit < np.inf or watcher.early(window.width * window.height * job.first_spp))
     keep = checkpoint if isinstance(checkpoint, Checkpoint | None) else Checkpoint(Path(checkpoint))
     cluster = None if client is None else _cluster_of(client, job, threads)
     if cluster:
         layout = layout._replace(at_least=cluster.pixels(window.width * window.height, settings.spp))
     if keep:
         layout = keep.begin(job, layout)
-    run = Run(job, plan, layout, keep, cluster, progress or (lambda _: None))
+    run = Run(job, layout, keep, cluster, watcher)
     return run.run(parallel.thread_count(threads), limit, layers)
 
 

@@ -21,9 +21,8 @@ from raytrace.needs import compile_ahead, picture_of
 from raytrace.parts import Part, pieces, rounds
 from raytrace.passes.estimate import MODELS, root_mean
 from raytrace.picture import Layers, Render, trace_layers
-from raytrace.progress import Progress
-from raytrace.scene.plan import Plan
-from raytrace.stages import is_built, stage_of
+from raytrace.progress import Progress, Watcher
+from raytrace.stages import is_built, plan_of, stage_of
 from raytrace.wavefront import BATCH
 
 if TYPE_CHECKING:
@@ -38,13 +37,12 @@ class Run:
     def __init__(
         self,
         job: Job,
-        plan: Plan,
         layout: Layout,
         keep: Checkpoint | None,
         cluster: "Cluster | None",
-        progress: Callable[[Progress], None],
+        watcher: Watcher,
     ) -> None:
-        self.job, self.plan, self.layout, self.keep, self.progress = job, plan, layout, keep, progress
+        self.job, self.plan, self.layout, self.keep, self.watcher = job, plan_of(job.scene), layout, keep, watcher
         self._cluster = cluster
         self._drawers: Crew | Cluster | None = cluster
         model = MODELS[job.settings.sampler]
@@ -76,6 +74,7 @@ class Run:
             finally:
                 if self.keep:
                     self.keep.close(complete)
+        self.watcher.end(interrupted)
         return self._picture(complete, interrupted, compiled.seconds)
 
     def _over(self) -> bool:
@@ -84,8 +83,8 @@ class Run:
 
     def _draw_all(self) -> bool:
         """Draw round after round: a pixel's samples are summed in their order, so no tile may be in two at once."""
-        spp = self.job.settings.spp if self.search is None else min(adaptive.FIRST, self.job.settings.spp)
-        pixels, done = len(self.canvas.film.samples), 0
+        spp, pixels, done = self.job.first_spp, len(self.canvas.film.samples), 0
+        self.watcher.begin(self.canvas.film.samples, self.canvas.at, self.job.window)
         drawn = [
             [Part(first, last, piece) for piece in pieces(pixels, max(self.layout.at_least, BATCH // (last - first)))]
             for first, last in rounds(spp, self.layout.hasty)
@@ -154,6 +153,7 @@ class Run:
 
     def _take_back(self, part: Part, sheet: Sheet, samples: int) -> None:
         shown = self.canvas.take_back(part, sheet, samples)
+        self.watcher.show(part.pixels, shown)
         if self.search:
             self.search.show(part.pixels, shown)
 
@@ -165,7 +165,7 @@ class Run:
     def _say(self, stage: str, done: int, total: int) -> None:
         rays = self._drawers.rays().total() if self._drawers else 0
         since = self._drawing if stage == "rendering" else self.began
-        self.progress(Progress(stage, done, total, rays, time.perf_counter() - since))
+        self.watcher(Progress(stage, done, total, rays, time.perf_counter() - since))
 
     def _compile_ahead(self) -> None:
         """Have all compiled that this picture needs, for a kernel is missing."""

@@ -3,7 +3,7 @@
 from weakref import WeakKeyDictionary
 
 from raytrace.records import Scene
-from raytrace.scene.plan import Plan
+from raytrace.scene.plan import Plan, make_plan
 from raytrace.wavefront import Stage, make_stage
 
 _stages: WeakKeyDictionary[Scene, dict[str, Stage]] = WeakKeyDictionary()  # by precision
@@ -12,6 +12,13 @@ _stages: WeakKeyDictionary[Scene, dict[str, Stage]] = WeakKeyDictionary()  # by 
 def set_stage(scene: Scene, stage: Stage) -> None:
     """Draw a scene on this stage from now on, in the stage's precision."""
     _stages.setdefault(scene, {})[stage.bvh.precision] = stage
+
+
+def plan_of(scene: Scene) -> Plan:
+    """The plan of a scene; a stage that it is drawn on knows it."""
+    for stage in _stages.get(scene, {}).values():
+        return stage.plan
+    return make_plan(scene)
 
 
 def is_built(scene: Scene, precision: str) -> bool:

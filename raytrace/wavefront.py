@@ -38,22 +38,35 @@ class Stage(NamedTuple):
 def make_stage(scene: Scene, plan: Plan, precision: str, split: str = "sah", triangle: str = "watertight") -> Stage:
     """Trees and tables of a scene; split and triangle as ``BVH`` takes them."""
     dtype = np.dtype(precision)
-    mesh, materials = scene.mesh, scene.materials
+    mesh = scene.mesh
     bvh = BVH(mesh.vertices, mesh.faces, precision, split, triangle)
     positions = scene.lights.position.astype(dtype)
-    refractive = materials.kind == REFRACTIVE
-    table = np.column_stack([materials.albedo, materials.ior, materials.two_sided, refractive])
     return Stage(
         plan,
         scene.settings.max_depth,
         bvh,
         _shadow_bvhs(scene, bvh, positions),
-        Shading(bvh.triangles.ravel(), mesh.material_id, table.astype(dtype).ravel()),
+        Shading(bvh.triangles.ravel(), mesh.material_id, _table(scene, dtype)),
         None if mesh.normals is None else mesh.normals.astype(dtype).ravel(),
         scene.background.astype(dtype),
         positions,
         scene.lights.flux.astype(dtype),
     )
+
+
+def restaged(stage: Stage, scene: Scene) -> Stage:
+    """The same trees, for a scene that differs in its camera, its fluxes or its materials' numbers alone."""
+    dtype = stage.light_flux.dtype
+    shading = stage.shading._replace(materials=_table(scene, dtype))
+    return stage._replace(shading=shading, light_flux=scene.lights.flux.astype(dtype))
+
+
+def _table(scene: Scene, dtype: np.dtype) -> NDArray[np.floating]:
+    """What shading looks up of materials."""
+    materials = scene.materials
+    refractive = materials.kind == REFRACTIVE
+    table = np.column_stack([materials.albedo, materials.ior, materials.two_sided, refractive])
+    return table.astype(dtype).ravel()
 
 
 def _shadow_bvhs(scene: Scene, bvh: BVH, positions: NDArray[np.floating]) -> tuple[BVH, ...]:
@@ -77,6 +90,11 @@ def _batch(n: int, dtype: np.dtype) -> Batch:
     return Batch(np.empty(3 * n, dtype), np.empty(3 * n, dtype), np.empty(n, np.int32), hits)
 
 
+def _part(record: Any, n: int, most: int) -> Any:
+    """What a record of arrays for ``most`` samples holds of n, in the same memory."""
+    return record._make(_part(a, n, most) if isinstance(a, tuple) else a[: len(a) // most * n] for a in record)
+
+
 class Wavefront:
     """One thread's scratch memory, and the passes in their order.
 
@@ -86,31 +104,39 @@ class Wavefront:
     view : View
     sampler : Sobol, Stratified or Independent
     n : int
-        Samples of a batch: whole packets.
+        Most samples of a batch: whole packets.
     """
 
     def __init__(self, stage: Stage, view: View, sampler: Any, n: int) -> None:
         dtype = stage.bvh.triangles.dtype
-        self.stage, self.view, self.sampler, self.n = stage, view, sampler, n
+        self.stage, self.view, self.sampler, self.most = stage, view, sampler, n
         self.seconds: defaultdict[str, float] = defaultdict(float)
         self.rays: Counter[str] = Counter()
         self.work = stage.bvh.work()
         self.shadow_work = [bvh.work() for bvh in stage.shadow_bvhs]
-        self.samples = _batch(n, dtype)
-        self.samples.slot[:] = np.arange(n)
-        self.bounced = [_batch(n, dtype) for _ in range(2 * stage.plan.refraction)]
+        samples = _batch(n, dtype)
+        samples.slot[:] = np.arange(n)
         ng = np.empty(3 * n, dtype)
         ns = np.empty(3 * n, dtype) if stage.plan.smooth else ng
-        self.points = Points(np.empty(3 * n, dtype), ng, ns, np.empty(n, dtype), np.empty(n, np.int32))
-        self.shadows = Shadows(
+        points = Points(np.empty(3 * n, dtype), ng, ns, np.empty(n, dtype), np.empty(n, np.int32))
+        shadows = Shadows(
             np.empty(3 * n, dtype),
             np.empty(3 * n, dtype),
             np.empty(n, dtype),
             np.empty(n, dtype),
             np.empty(n, np.bool_),
         )
-        self.radiance = np.empty(3 * n, dtype)
+        self._records = samples, points, shadows, *(_batch(n, dtype) for _ in range(2 * stage.plan.refraction))
+        self._radiance = np.empty(3 * n, dtype)
         self.zero, self.infinity = np.zeros(1, dtype), np.full(1, np.inf, dtype)
+        self.resize(n)
+
+    def resize(self, n: int) -> None:
+        """Take n samples a batch from now on, whole packets, in the memory that is there."""
+        self.n = n
+        parts = [_part(record, n, self.most) for record in self._records]
+        self.samples, self.points, self.shadows, *self.bounced = parts
+        self.radiance = self._radiance[: 3 * n]
 
     def add_samples(
         self, x: NDArray[np.uint32], y: NDArray[np.uint32], first: int, last: int, sums: Any, begin: int

@@ -12,13 +12,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.canvas import blank
+from raytrace.canvas import Sheet, blank
 from raytrace.crew import Crew
 from raytrace.jit import on_compile
 from raytrace.job import build
 from raytrace.needs import Picture, compile_ahead, picture_of
+from raytrace.parts import pieces
 from raytrace.records import Settings
 from raytrace.scene.plan import make_plan
+from raytrace.wavefront import BATCH
 
 CREWS = 4  # that a worker keeps
 
@@ -70,7 +72,8 @@ def _draw(scene: bytes, order: Order, x: Any, y: Any, samples: tuple[int, int], 
     sheet = blank(np.array(x), np.array(y))  # what came over the wire may be neither aligned nor writable
     if sums is not None:
         sheet.sums[:] = sums
-    crew.draw(sheet, *samples)
+    for piece in pieces(len(sheet.x), BATCH // (samples[1] - samples[0])):  # as large as threads have them elsewhere
+        crew.draw(Sheet(sheet.x[piece], sheet.y[piece], sheet.film, piece.start), *samples)
     rays_after, seconds_after = crew.mine()
     spent = {name: after - seconds.get(name, 0.0) for name, after in seconds_after.items()}
     return Drawn(sheet.sums, rays_after - rays, spent)

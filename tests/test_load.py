@@ -210,7 +210,7 @@ def test_camera_checks_do_not_depend_on_the_scale(tmp_path, scale):
     def camera(look_at, up):
         return {"position": [scale, 0, 0], "look_at": (np.array(look_at) * scale).tolist(), "up": up, "fov": 40}
 
-    objects = [{"mesh": str(tmp_path / "triangle.obj"), "material": "white"}]
+    objects = [{"mesh": tmp_path / "triangle.obj", "material": "white"}]
     at_itself = problems(scene(camera=camera([1, 0, 0], [0, 1, 0]), objects=objects))
     assert at_itself == ["scene: camera.look_at: the camera looks at its own position; move one of the two"]
     along = problems(scene(camera=camera([-1, 0, 0], [scale, 0, 0]), objects=objects))

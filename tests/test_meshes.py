@@ -11,9 +11,10 @@ from raytrace.errors import FileError, SceneError
 from raytrace.records import RawMesh
 from raytrace.scene import files, meshes
 from raytrace.scene.load import load
-from raytrace.scene.meshes import concatenate, read_mesh, transform
+from raytrace.scene.meshes import read_mesh
 from raytrace.scene.obj import read_obj
 from raytrace.scene.place import averaged_normals, face_normals, rotation
+from raytrace.scene.rawmesh import concatenate, transform
 from scene_files import CUBE, TRIANGLE, scene, triangle_glb, write
 
 PLY = """ply

@@ -16,6 +16,7 @@ from raytrace.scene.load import load
 SCENES = Path(__file__).parents[1] / "scenes"
 MESHES = SCENES / "meshes"
 NAMES = sorted(path.stem for path in SCENES.glob("*.json"))
+FOLDERS = [SCENES, SCENES / "hard"]
 CLOSED = ["short.obj", "tall.obj", "box.obj", "prism.obj", "ball.obj", "torus.glb", "vase.ply", "bumpy.ply.gz"]
 
 
@@ -32,7 +33,7 @@ def mesh(name: str) -> trimesh.Trimesh:
 def smooth(name: str) -> tuple[np.ndarray, np.ndarray]:
     """Corners (m, 3, 3) of a mesh and its shading normals there, as a scene sees them."""
     white = {"type": "diffuse", "albedo": [1, 1, 1]}
-    item = {"mesh": str(MESHES / name), "material": "white", "normals": "smooth"}
+    item = {"mesh": MESHES / name, "material": "white", "normals": "smooth"}
     camera = {"position": [0, 0, 5], "look_at": [0, 0, 0], "fov": 30}
     loaded = load({"camera": camera, "materials": {"white": white}, "objects": [item]}).mesh
     return loaded.vertices[loaded.faces], loaded.normals
@@ -54,16 +55,26 @@ def test_a_scene_loads_without_warnings_and_says_what_it_shows(name):
     assert scene.warnings == ()
 
 
+def files_in(folder: Path) -> set[Path]:
+    """Mesh files of all scenes, as paths below the folder of scenes."""
+    return {path.relative_to(folder) for path in folder.glob("**/meshes/*") if path.is_file() and path.suffix != ".py"}
+
+
 def test_make_reproduces_the_committed_meshes(tmp_path):
     subprocess.run([sys.executable, MESHES / "make.py", tmp_path], check=True)
-    committed = {path.name for path in MESHES.iterdir() if path.is_file()} - {"make.py"}
-    assert {path.name for path in tmp_path.iterdir()} == committed
-    assert [name for name in committed if plain(tmp_path / name) != plain(MESHES / name)] == []
+    assert files_in(tmp_path) == files_in(SCENES)
+    assert [name for name in files_in(SCENES) if plain(tmp_path / name) != plain(SCENES / name)] == []
 
 
-def test_every_mesh_is_used():
-    used = {Path(item["mesh"]).name for name in NAMES for item in described(name)["objects"]}
-    assert used == {path.name for path in MESHES.iterdir() if path.is_file()} - {"make.py"}
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
+def test_every_mesh_is_used(folder):
+    scenes = [json.loads(path.read_text(encoding="utf-8")) for path in folder.glob("*.json")]
+    used = {folder / item["mesh"] for scene in scenes for item in scene["objects"]}
+    assert used == {path for path in (folder / "meshes").iterdir() if path.suffix != ".py" and path.is_file()}
+
+
+def test_meshes_of_the_hard_scenes_are_small():
+    assert sum(path.stat().st_size for path in (SCENES / "hard/meshes").iterdir()) < 100_000
 
 
 @pytest.mark.parametrize("name", CLOSED)

@@ -63,7 +63,7 @@ def screen(radiance: np.ndarray) -> np.ndarray:
 
 def mesh(name: str, **placement: Any) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (v, 3) and faces (m, 3) of a shipped mesh, placed as an object of a scene would be."""
-    thing = {"mesh": str(MESHES / name), "material": "any", **placement}
+    thing = {"mesh": MESHES / name, "material": "any", **placement}
     camera = {"position": [0, 0, 1], "look_at": [0, 0, 0], "fov": 45}
     found = rt.load({"camera": camera, "materials": {"any": {"type": "refractive", "ior": 1}}, "objects": [thing]}).mesh
     return found.vertices, found.faces
@@ -73,5 +73,5 @@ def described(name: str) -> dict[str, Any]:
     """Content of a shipped scene, to be changed and drawn from any folder."""
     content = json.loads((MESHES.parent / f"{name}.json").read_text("utf-8"))
     for thing in content["objects"]:
-        thing["mesh"] = str(MESHES.parent / thing["mesh"])
+        thing["mesh"] = MESHES.parent / thing["mesh"]
     return content

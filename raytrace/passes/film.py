@@ -25,6 +25,20 @@ class Film(NamedTuple):
     error: NDArray[np.float64]  # (m,): squared, as shown: of sRGB clipped to 0..1, mean of the channels; NaN: unknown
 
 
+class Frame(NamedTuple):
+    """What is known of the pixels of a window, row after row."""
+
+    rgb: NDArray[np.float32]  # (m, 3): mean radiance; 0 without a sample
+    samples: NDArray[np.int32]  # (m,)
+    variance: NDArray[np.float64]  # (m,): as of a film
+    error: NDArray[np.float64]  # (m,): as of a film
+
+
+def make_frame(pixels: int) -> Frame:
+    """Room for so many pixels."""
+    return Frame(np.empty((pixels, 3), np.float32), np.empty(pixels, np.int32), *np.empty((2, pixels)))
+
+
 def make_film(pixels: int) -> Film:
     """Film of so many pixels, and as many more as fill the last packet; without a sample."""
     m = -(-pixels // PACKET) * PACKET
@@ -43,15 +57,6 @@ def put(film: Film, pixels: NDArray[np.int64], part: Film) -> None:
         row[pixels] = values[:m]
     for column, values in zip(film[1:], part[1:], strict=True):
         column[pixels] = values[:m]
-
-
-def means(film: Film, pixels: int) -> NDArray[np.float64]:
-    """Mean radiance (3, pixels) of the first pixels; 0 without a sample."""
-    bins = film.sums.reshape(BINS, 3, -1)[..., :pixels]
-    total = bins[0] + bins[1]
-    total += bins[2] + bins[3]
-    total /= np.maximum(film.samples[:pixels], 1)
-    return total
 
 
 def bin_counts(samples):
@@ -98,3 +103,24 @@ def accumulate(radiance, first, sums, begin, m):
             channel, total = radiance[k * n + i * m : k * n + (i + 1) * m], sums[row + k, begin:end]
             for j in range(m):
                 total[j] += np.float64(channel[j])
+
+
+@kernel
+def develop(film, at, frame):
+    """Put what is known of the pixels of a film where they belong in a picture.
+
+    Parameters
+    ----------
+    film : Film
+    at : (m,) int64 array
+        Place in the picture of each of the first m pixels.
+    frame : Frame
+    """
+    sums, samples, variance, error = film
+    rgb, numbers, variances, errors = frame
+    for i in range(len(at)):
+        j = at[i]
+        for k in range(3):
+            total = (sums[k, i] + sums[3 + k, i]) + (sums[6 + k, i] + sums[9 + k, i])
+            rgb[j, k] = np.float32(total / max(samples[i], 1))
+        numbers[j], variances[j], errors[j] = samples[i], variance[i], error[i]

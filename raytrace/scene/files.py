@@ -1,12 +1,62 @@
-"""Mesh files before they are read: which there are, and of which format."""
+"""Mesh files before they are read: which a scene may read, which there are, and of which format."""
 
-from pathlib import Path
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path, PureWindowsPath
+from typing import NamedTuple
 
 from raytrace.errors import FileError, SceneError
-from raytrace.scene.problems import no_such_file
+from raytrace.scene.problems import no_such_file, printable
 
 FORMATS = ".obj", ".ply", ".stl", ".glb"
 MAX_BYTES = 2**30  # of a mesh file, unfolded: about 10 million triangles of OBJ, 50 million of binary PLY
+URI = re.compile(r"(?i)(file|data):|[a-z][a-z0-9+.-]+:/")  # a scheme of one letter is a drive   [RFC3986, 3.1]
+ALLOW = "move it there, or allow a folder: --root DIR, in Python load(..., root=DIR)"
+
+
+class Reach(NamedTuple):
+    """Where the files of a scene may lie: below its own folder, or one that the user allows."""
+
+    folder: Path  # of the scene file; of a dict the current one
+    root: Path | None = None
+    trusted: frozenset[str] = frozenset()  # what a program gave as a ``pathlib.Path``, which no file can hold
+
+    def find(self, mesh: str) -> Path:
+        """Path of a mesh file; nothing outside is touched, not even to see whether it is there.
+
+        Raises
+        ------
+        SceneError
+            The scene may not read it.
+        """
+        path = self.folder / mesh
+        if mesh in self.trusted or "\0" in mesh:  # no file has a name with a zero byte: it is not found
+            return path
+        if URI.match(mesh):
+            raise SceneError([f"{mesh}: a URI; name a file: nothing is fetched"])
+        # names with a drive or a share are refused wherever they are read, not only where they lead somewhere
+        if PureWindowsPath(mesh).drive or not self._holds(os.path.abspath(path)):
+            raise SceneError([f"{mesh}: outside the scene's folder; {ALLOW}"])
+        if not self._holds(real := os.path.realpath(path)):
+            raise SceneError([f"{mesh}: a link out of the scene's folder, to {real}; {ALLOW}"])
+        return path
+
+    def _holds(self, path: str) -> bool:
+        return any(Path(path).is_relative_to(folder) for folder in self._folders())
+
+    def _folders(self) -> Iterator[str]:
+        for folder in (self.folder, self.root):
+            if folder is not None:
+                yield os.path.realpath(folder)
+                yield os.path.abspath(folder)
+
+
+def check_root(root: str | os.PathLike[str] | None) -> Path | None:
+    """Check that a folder that the user allows, if any, is one."""
+    if root is not None and not os.path.isdir(root):
+        raise FileError(f"root: {printable(root)}: no such folder")
+    return None if root is None else Path(root)
 
 
 def format_of(path: Path) -> str:
@@ -22,13 +72,15 @@ def locate(path: Path) -> None:
     SceneError
         Its format is none of those that can be read.
     FileError
-        There is no such file, or it is a directory, or too large.
+        There is no such file, or it is a directory, a pipe or a device, or too large.
     """
     try:
         if path.is_dir():
             raise FileError(f"{path}: a directory; name a mesh file in it")
         if not path.exists():
             raise FileError(no_such_file(path))
+        if not path.is_file():
+            raise FileError(f"{path}: no regular file; name a mesh file")
     except FileError:
         raise
     except OSError as error:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from raytrace.errors import FileError, SceneError
 from raytrace.scene import checks, positions, rdr
 from raytrace.scene.conform import conform
-from raytrace.scene.files import locate
+from raytrace.scene.files import Reach, check_root, locate
 from raytrace.scene.problems import Problem, mesh_problem
 from raytrace.scene.text import from_dict, read_file
 
@@ -17,13 +17,16 @@ if TYPE_CHECKING:
     from raytrace.records import Scene
 
 
-def load(source: str | Path | dict[str, Any]) -> "Scene":
+def load(source: str | Path | dict[str, Any], root: str | Path | None = None) -> "Scene":
     """Load and check a scene.
 
     Parameters
     ----------
     source : str, pathlib.Path or dict
         A scene file, or its content; mesh paths of a dict are relative to the current folder.
+    root : str or pathlib.Path, optional
+        A folder whose files the scene may read too. Without it, it reads files below its own folder (of a dict: the
+        current one), and those that a dict names by a ``pathlib.Path``.
 
     Returns
     -------
@@ -32,7 +35,7 @@ def load(source: str | Path | dict[str, Any]) -> "Scene":
     Raises
     ------
     SceneError
-        The scene or a mesh has wrong content; a line for each problem.
+        The scene or a mesh has wrong content, or a mesh lies elsewhere; a line for each problem.
     FileError
         The scene can't be read; or it is right, but a mesh can't be read.
 
@@ -47,6 +50,7 @@ def load(source: str | Path | dict[str, Any]) -> "Scene":
     else:
         path = Path(source)
         text = read_file(path)
+    reach = Reach(path.parent if path else Path(), check_root(root), text.trusted)
     data = text.parse()
     origins: positions.Origins = {}
     problems: list[Problem] = []
@@ -56,12 +60,11 @@ def load(source: str | Path | dict[str, Any]) -> "Scene":
     if problems:  # the translator told already what lacks
         found = [problem for problem in found if not problem.text.startswith("missing key")]
     problems += found + checks.check(data)
-    folder = path.parent if path else Path()
     if scene is None or problems:
-        raise text.error(problems + _missing_meshes(data, folder), origins)
+        raise text.error(problems + _missing_meshes(data, reach), origins)
     from raytrace.scene.make import make_scene
 
-    return make_scene(scene, data, path, text, origins)
+    return make_scene(scene, data, path, text, origins, reach)
 
 
 def _validate(data: dict[str, Any]) -> tuple[Any, list[Problem]]:
@@ -79,7 +82,7 @@ def _validate(data: dict[str, Any]) -> tuple[Any, list[Problem]]:
         return None, tell(error, data)
 
 
-def _missing_meshes(data: dict[str, Any], folder: Path) -> list[Problem]:
+def _missing_meshes(data: dict[str, Any], reach: Reach) -> list[Problem]:
     """Look whether the mesh files are there, for a scene that has other problems."""
     objects = data.get("objects")
     problems = []
@@ -87,7 +90,7 @@ def _missing_meshes(data: dict[str, Any], folder: Path) -> list[Problem]:
         mesh = entry.get("mesh") if isinstance(entry, dict) else None
         if isinstance(mesh, str) and mesh:
             try:
-                locate(folder / mesh)
+                locate(reach.find(mesh))
             except (SceneError, FileError) as error:
                 problems.append(mesh_problem(i, error))
     return problems

@@ -9,6 +9,7 @@ import numpy as np
 from raytrace.errors import FileError, SceneError
 from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Lights, Materials, Mesh, RawMesh, Scene, Settings
 from raytrace.scene import checks
+from raytrace.scene.files import Reach
 from raytrace.scene.meshes import read_mesh
 from raytrace.scene.place import Placed, assemble, place
 from raytrace.scene.positions import Origins
@@ -16,7 +17,9 @@ from raytrace.scene.problems import Problem, mesh_problem
 from raytrace.scene.text import Text
 
 
-def make_scene(scene: Any, data: dict[str, Any], path: Path | None, text: Text, origins: Origins) -> Scene:
+def make_scene(
+    scene: Any, data: dict[str, Any], path: Path | None, text: Text, origins: Origins, reach: Reach
+) -> Scene:
     """Read the meshes of a valid scene, and put them together.
 
     Parameters
@@ -28,13 +31,15 @@ def make_scene(scene: Any, data: dict[str, Any], path: Path | None, text: Text, 
         Its file; None: it is a dict.
     text, origins
         Where problems lie.
+    reach : Reach
+        Where its meshes may lie.
 
     Raises
     ------
     SceneError, FileError
         What is wrong with meshes.
     """
-    placed, problems = _place_all(scene, path.parent if path else Path())
+    placed, problems = _place_all(scene, reach)
     if problems:
         raise text.error(problems, origins)
     mesh, mesh_warnings = assemble(placed)
@@ -65,7 +70,12 @@ def make_scene(scene: Any, data: dict[str, Any], path: Path | None, text: Text, 
     )
 
 
-def _place_all(scene: Any, folder: Path) -> tuple[list[Placed], list[Problem]]:
+def fingerprint(scene: Scene) -> str:
+    """The hash that a scene has, or should have: of what the light does in it."""
+    return _hash(scene.camera, scene.settings.max_depth, scene.background, scene.materials, scene.lights, scene.mesh)
+
+
+def _place_all(scene: Any, reach: Reach) -> tuple[list[Placed], list[Problem]]:
     """Read each mesh file once, and put it where the objects want it."""
     rows = {name: row for row, name in enumerate(scene.materials)}
     read: dict[str, RawMesh | None] = {}
@@ -74,7 +84,7 @@ def _place_all(scene: Any, folder: Path) -> tuple[list[Placed], list[Problem]]:
         try:
             if entry.mesh not in read:
                 read[entry.mesh] = None  # a broken file is told once
-                read[entry.mesh] = read_mesh(folder / entry.mesh)
+                read[entry.mesh] = read_mesh(reach.find(entry.mesh))
             raw = read[entry.mesh]
             if raw is not None:
                 placed.append(place(raw, entry, rows[entry.material]))

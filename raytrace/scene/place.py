@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.records import Mesh, RawMesh
-from raytrace.scene.meshes import transform
+from raytrace.scene.rawmesh import transform
 
 Vectors = NDArray[np.float64]
 

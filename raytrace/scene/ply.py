@@ -1,10 +1,10 @@
 """PLY files to arrays.
 
-An own reader, because trimesh takes 0.4 s to import, reads no binary files that mix triangles with larger polygons, and
-says little of what is wrong. Rows of equal length, nearly always the case, are read all at once, others one by one.
+Rows of equal length, nearly always the case, are read all at once, others one by one.
 Colours, texture coordinates, edges and whatever else a file may hold are passed over.
 """
 
+from itertools import accumulate, pairwise
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -20,6 +20,7 @@ WHOLE = [name for name, kind in TYPES.items() if kind[0] != "f"]
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 CORNERS = "vertex_indices", "vertex_index"  # names of the list of a face's corners
 END = b"end_header"
+MAX_HEADER = 2**20  # bytes
 
 Column = NDArray[Any]
 Numbers = dict[str, tuple[NDArray[np.int64], Column]]  # by property: how many in each row, and all of them
@@ -53,8 +54,8 @@ class Source(Protocol):
     def length(self, kind: str) -> int:
         """Read the number before a list."""
 
-    def table(self, kinds: list[str], rows: int) -> list[Column]:
-        """Read rows of numbers of these types, column by column."""
+    def table(self, columns: list[tuple[str, int]], rows: int) -> list[Column]:
+        """Read rows of numbers; a column holds so many of one type from each row, and is (rows, many)."""
 
     def numbers(self, kind: str, places: NDArray[np.int64]) -> Column:
         """Numbers at any places."""
@@ -74,9 +75,11 @@ class Text:
         self.at += 1
         return int(self.words[self.at - 1])
 
-    def table(self, kinds: list[str], rows: int) -> list[Column]:  # noqa: D102
-        begin, self.at = self.at, self.at + rows * len(kinds)
-        return list(np.array(list(map(float, self.words[begin : self.at]))).reshape(rows, len(kinds)).T)
+    def table(self, columns: list[tuple[str, int]], rows: int) -> list[Column]:  # noqa: D102
+        ends = list(accumulate((many for _, many in columns), initial=0))
+        begin, self.at = self.at, self.at + rows * ends[-1]
+        numbers = np.array(list(map(float, self.words[begin : self.at]))).reshape(rows, ends[-1])
+        return [numbers[:, a:b] for a, b in pairwise(ends)]
 
     def numbers(self, kind: str, places: NDArray[np.int64]) -> Column:  # noqa: D102
         return np.array([float(self.words[place]) for place in places.tolist()])
@@ -85,7 +88,7 @@ class Text:
 class Bytes:
     """Numbers as a processor has them; the unit is a byte."""
 
-    def __init__(self, body: bytes, order: str) -> None:
+    def __init__(self, body: memoryview, order: str) -> None:
         self.body, self.order, self.at, self.end = body, order, 0, len(body)
 
     def size(self, kind: str) -> int:  # noqa: D102
@@ -96,8 +99,8 @@ class Bytes:
         order: Any = "little" if self.order == "<" else "big"
         return int.from_bytes(self.body[begin : self.at], order, signed=kind[0] == "i")
 
-    def table(self, kinds: list[str], rows: int) -> list[Column]:  # noqa: D102
-        row = np.dtype([(f"{k}", self.order + kind) for k, kind in enumerate(kinds)])
+    def table(self, columns: list[tuple[str, int]], rows: int) -> list[Column]:  # noqa: D102
+        row = np.dtype([(f"{k}", self.order + kind, (many,)) for k, (kind, many) in enumerate(columns)])
         table = np.frombuffer(self.body, row, rows, self.at)
         self.at += rows * row.itemsize
         return [table[name] for name in row.names or ()]
@@ -107,13 +110,13 @@ class Bytes:
         return parts.ravel().view(self.order + kind)
 
 
-def _header(data: bytes) -> tuple[str, list[Element], bytes]:
+def _header(data: bytes) -> tuple[str, list[Element], memoryview]:
     """Byte order (none: text), elements, and what follows."""
-    header, end, body = data.partition(END)
-    if not end:
-        raise ValueError("the header has no end")
-    lines = [line.split() for line in header.decode("latin-1").splitlines()]
-    if lines[0] != ["ply"]:
+    end = data.find(END, 0, MAX_HEADER)
+    if end < 0:
+        raise ValueError(f"the header has no end in the first {MAX_HEADER} bytes")
+    lines = [line.split() for line in data[:end].decode("latin-1").splitlines()]
+    if lines[:1] != [["ply"]]:
         raise ValueError('the first line is not "ply"')
     order, elements = "?", list[Element]()
     for words in lines[1:]:
@@ -132,7 +135,8 @@ def _header(data: bytes) -> tuple[str, list[Element], bytes]:
                 raise ValueError(f"its header has a line that no reader knows: {' '.join(words)[:60]}")
     if order == "?":
         raise ValueError("its header names no format")
-    return order, elements, body[2:] if body.startswith(b"\r\n") else body[1:]
+    end += len(END)
+    return order, elements, memoryview(data)[end + (2 if data[end : end + 2] == b"\r\n" else 1) :]
 
 
 def _step(source: Source, element: Element, row: int, prop: Property) -> tuple[int, int]:
@@ -152,21 +156,20 @@ def _step(source: Source, element: Element, row: int, prop: Property) -> tuple[i
 
 def _even(source: Source, element: Element) -> Numbers | None:
     """All numbers of an element whose rows are as long as the first one; None: they are not."""
-    start, kinds, counts = source.at, list[str](), list[int]()
-    for prop in element.properties:
-        counts.append(_step(source, element, 0, prop)[0])
-        kinds += [prop.length] if prop.length else []
-        kinds += [prop.kind] * counts[-1]
+    start = source.at
+    counts = [_step(source, element, 0, prop)[0] for prop in element.properties]
+    columns = list[tuple[str, int]]()
+    for prop, count in zip(element.properties, counts, strict=True):
+        columns += [(prop.length, 1), (prop.kind, count)] if prop.length else [(prop.kind, count)]
     length, source.at = source.at - start, start
     if start + element.rows * length > source.end:
         return None
-    columns, found = iter(source.table(kinds, element.rows)), {}
+    table, found = iter(source.table(columns, element.rows)), Numbers()
     for prop, count in zip(element.properties, counts, strict=True):
-        if prop.length and (next(columns) != count).any():
+        if prop.length and (next(table) != count).any():
             source.at = start
             return None
-        several = [next(columns) for _ in range(count)]
-        found[prop.name] = np.full(element.rows, count), np.stack(several, axis=1).ravel() if several else np.empty(0)
+        found[prop.name] = np.broadcast_to(count, element.rows), next(table).ravel()
     return found
 
 
@@ -208,7 +211,7 @@ def read_ply(data: bytes) -> RawMesh | None:
     [[0, 1, 2]]
     """
     order, elements, body = _header(data)
-    source = Bytes(body, order) if order else Text(body)
+    source = Bytes(body, order) if order else Text(bytes(body))
     read = {e.name: _even(source, e) or _uneven(source, e) for e in elements if e.rows and e.properties}
     vertex, face = read.get("vertex", {}), read.get("face", {})
     corners = next((face[name] for name in CORNERS if name in face), None)

@@ -3,7 +3,7 @@
 import json
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -38,12 +38,15 @@ class Text:
     text : str
     in_file : bool
         Whether there is a file in which lines and columns mean something.
+    trusted : set of str
+        What a program gave as a path, and not as text.
     """
 
-    def __init__(self, name: str, text: str, in_file: bool) -> None:
+    def __init__(self, name: str, text: str, in_file: bool, trusted: Collection[str] = ()) -> None:
         self.name = name
         self.text = text
         self.in_file = in_file
+        self.trusted = frozenset(trusted)
 
     def tell(self, problems: Iterable[Problem], origins: positions.Origins) -> list[str]:
         """Return the problems with their places, a line each, in the order of the text.
@@ -171,14 +174,6 @@ def read_file(path: Path) -> Text:
     return Text(name, _decode(name, data), in_file=True)
 
 
-def _plain(value: Any) -> Any:
-    if hasattr(value, "tolist"):  # NumPy's arrays and scalars
-        return value.tolist()
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    raise TypeError(f"a {type(value).__name__} has no form in JSON")
-
-
 def from_dict(scene: dict[str, Any]) -> Text:
     """Write a dict, which may hold tuples, NumPy arrays and paths, as the text of a scene.
 
@@ -192,8 +187,18 @@ def from_dict(scene: dict[str, Any]) -> Text:
     >>> from_dict({"film": {"size": (4, 3)}}).text
     '{"film": {"size": [4, 3]}}'
     """
+    trusted: set[str] = set()
+
+    def plain(value: Any) -> Any:
+        if hasattr(value, "tolist"):  # NumPy's arrays and scalars
+            return value.tolist()
+        if isinstance(value, os.PathLike):
+            trusted.add(str(os.fspath(value)))
+            return os.fspath(value)
+        raise TypeError(f"a {type(value).__name__} has no form in JSON")
+
     try:
-        return Text("scene", json.dumps(scene, default=_plain), in_file=False)
+        return Text("scene", json.dumps(scene, default=plain), False, trusted)
     except RecursionError:
         raise SceneError([f"scene: nested more than {MAX_NESTING} deep; no part of a scene is"]) from None
     except (TypeError, ValueError) as error:

@@ -1,4 +1,6 @@
-"""Write every mesh of the shipped scenes: ``python scenes/meshes/make.py [folder]``.
+"""Write every mesh of the shipped scenes: ``python scenes/meshes/make.py [folder of scenes]``.
+
+A scene reads files below its own folder only, so the hard ones have meshes of their own: the same, compressed if large.
 
 Y is up; faces are counter-clockwise seen from the front. A mesh here is a tuple (vertices, faces, normals): (v, 3)
 floats, (m, 3) indices from 0, and a unit normal a vertex or None. Coordinates are rounded before they are written, so
@@ -34,6 +36,8 @@ BLOCK_FLOOR = 1e-4  # the blocks stand this high, so that their undersides do no
 VASE = [(0, 0), (0.26, 0), (0.3, 0.02), (0.3, 0.06), (0.55, 0.45), (0.4, 0.85), (0.14, 1.0), (0.16, 1.2), (0.32, 1.38)]
 VASE += [(0.3, 1.4), (0.27, 1.38), (0.12, 1.2), (0.1, 1.0), (0.36, 0.82), (0.5, 0.45), (0.25, 0.08), (0, 0.06)]
 
+HARD = [f"{name}.obj" for name in (*WALLS, "short", "tall", "pane", "box")]  # what the hard scenes have too
+HARD_LARGE = ["ball.obj", "torus.glb"]
 
 # ---- shapes -------------------------------------------------------------------------------------------------------
 
@@ -238,22 +242,26 @@ def gz(data):
 
 
 def files():
-    """Map each file's name to its content."""
+    """Map each file's path below the folder of scenes to its content."""
     half = [(-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5)]
     meshes = {name: quads([corners]) for name, corners in WALLS.items()}
     meshes |= {"short": extrusion(SHORT, BLOCK_FLOOR, 0.6), "tall": extrusion(TALL, BLOCK_FLOOR, 1.2)}
     meshes |= {"pane": disc(32, 0.5, (0, 1, 1)), "tiles": tiles(12, 0.94), "square": tiles(1, 1)}
     meshes |= {"box": extrusion(half, -0.5, 0.5), "prism": extrusion(half[:2] + half[3:], 0, 1), "ball": ball(12)}
-    return {f"{name}.obj": obj(*mesh) for name, mesh in meshes.items()} | {
+    data = {f"{name}.obj": obj(*mesh) for name, mesh in meshes.items()} | {
         "vase.ply": ply(*lathe(VASE, 48, 2)),
         "torus.glb": glb(*torus(60, 24, 0.38)),
         "bumpy.ply.gz": gz(ply(*bumpy(128))),
     }
+    hard = {f"hard/meshes/{name}": data[name] for name in HARD}
+    hard |= {f"hard/meshes/{name}.gz": gz(data[name]) for name in HARD_LARGE}
+    return {f"meshes/{name}": content for name, content in data.items()} | hard
 
 
 def main():
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[1]
     for name, data in files().items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(data)
 
 

@@ -1,0 +1,72 @@
+"""Triangles of mesh files: mapped affinely, and joined."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.records import RawMesh
+
+Matrix = NDArray[np.float64]
+
+
+def transform(mesh: RawMesh, linear: Matrix, offset: Matrix) -> RawMesh:
+    """Map a mesh affinely; a map that mirrors turns the triangles round, so that their front stays outside.
+
+    Parameters
+    ----------
+    mesh : RawMesh
+    linear : (3, 3) float64
+        Applied to column vectors, before the offset.
+    offset : (3,) float64
+
+    Returns
+    -------
+    RawMesh
+        Its normals are mapped by the inverse transpose, up to a positive factor.
+
+    Notes
+    -----
+    Sums are written out: a matrix product's last bit would depend on the machine, and with it the scene's hash.
+    """
+
+    def product(matrix: Matrix, rows: Matrix) -> Matrix:
+        return rows[:, :1] * matrix[:, 0] + rows[:, 1:2] * matrix[:, 1] + rows[:, 2:] * matrix[:, 2]
+
+    # cofactors = determinant * inverse transpose, also where there is no inverse; the scale would overflow
+    scaled = linear / (np.max(np.abs(linear)) or 1.0)
+    cofactors = np.cross(np.roll(scaled, -1, axis=0), np.roll(scaled, -2, axis=0))
+    mirrors = float(scaled[0] @ cofactors[0]) < 0
+    order = [0, 2, 1] if mirrors else [0, 1, 2]
+    normals, normal_faces = mesh.normals, mesh.normal_faces
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is found later
+        if normals is not None and normal_faces is not None:
+            normals = product(-cofactors if mirrors else cofactors, normals)
+            normal_faces = normal_faces[:, order]
+        vertices = product(linear, mesh.vertices) + offset
+    return RawMesh(vertices, mesh.faces[:, order], normals, normal_faces)
+
+
+def concatenate(meshes: list[RawMesh]) -> RawMesh:
+    """Make one mesh of several; corners of those without normals refer to row -1.
+
+    Examples
+    --------
+    >>> triangle = RawMesh(np.eye(3), np.array([[0, 1, 2]]), None, None)
+    >>> concatenate([triangle, triangle]).faces.tolist()
+    [[0, 1, 2], [3, 4, 5]]
+    """
+    vertices, faces, normals, normal_faces = [], [], [], []
+    before = before_normals = 0
+    for mesh in meshes:
+        vertices.append(mesh.vertices)
+        faces.append(mesh.faces + before)
+        before += len(mesh.vertices)
+        if mesh.normals is None or mesh.normal_faces is None:
+            normal_faces.append(np.full_like(mesh.faces, -1))
+        else:
+            normals.append(mesh.normals)
+            normal_faces.append(np.where(mesh.normal_faces < 0, -1, mesh.normal_faces + before_normals))
+            before_normals += len(mesh.normals)
+    joined = RawMesh(np.concatenate(vertices), np.concatenate(faces), None, None)
+    if not normals:
+        return joined
+    return joined._replace(normals=np.concatenate(normals), normal_faces=np.concatenate(normal_faces))
