@@ -63,7 +63,7 @@ def a_lab(folder: Path) -> Iterator[str]:
         )
     try:
         _wait(f"http://127.0.0.1:{port}/api/status?token={token}", server, home / "log")
-        yield f"http://127.0.0.1:{port}/lab/tree/{{}}?token={token}"
+        yield f"http://127.0.0.1:{port}/lab/tree/{{}}?token={token}&reset"  # with no other page open
     finally:
         server.terminate()
         server.wait(timeout=30)

@@ -183,8 +183,9 @@ function render({ model, el }) {
     Object.assign(canvas.dataset, { samples, turn, type });
     line.arrived(turn);
   };
+  let last = Promise.resolve(); // pictures are painted in the order in which they come
   const hear = (message, buffers) => {
-    if (message.kind === "frame") paint(message, buffers[0]);
+    if (message.kind === "frame") last = last.then(() => paint(message, buffers[0]));
     if (message.kind === "path") path.innerHTML = message.html;
     if (message.kind === "trouble") status.textContent = path.textContent = message.text;
   };

@@ -121,8 +121,6 @@ class Viewer(AnyWidget):
 
     def _repr_mimebundle_(self, **options: Any) -> Any:
         """What a notebook shows, and keeps: the widget, and a picture for where widgets do not run."""
-        bundle = super()._repr_mimebundle_(**options)
-        if bundle is None:  # the view has been closed
-            return None
+        data, about = super()._repr_mimebundle_(**options) or ({}, {})
         still = render(self._now(), spp=min(self.spp, STILL), progress=False)
-        return bundle[0] | {"image/png": still._repr_png_()}, bundle[1]
+        return data | {"image/png": still._repr_png_()}, about
