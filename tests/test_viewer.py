@@ -184,7 +184,7 @@ def expected(**knobs):
 
 
 def label(page, text):
-    return page.locator(".raytrace-viewer label", has_text=text).locator("input")
+    return page.locator(".raytrace-viewer").get_by_label(text)
 
 
 def test_the_picture_at_rest_has_the_bits_of_render(page):

@@ -57,8 +57,8 @@ class Line {
 
 function slider(knobs, line, { label, low, high, step, read, write, tell }) {
   const row = element("label", knobs, { textContent: label });
+  const input = element("input", row, { type: "range", min: low, max: high, step }); // first: it is what is labelled
   const output = element("output", row);
-  const input = element("input", row, { type: "range", min: low, max: high, step });
   input.oninput = () => {
     line.set(write(Number(input.value)));
     output.value = tell();
