@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from raytrace import adaptive, parallel
 from raytrace.accel.build import FEW
 from raytrace.accel.lanes import PACKET
 from raytrace.jit import load_all, on_compile
+from raytrace.memory import Drawing, check_drawing
 from raytrace.needs import Picture, compile_ahead, tracing
 from raytrace.options import deadline_after, error_wanted, layers_of, override, window_of
 from raytrace.parts import Part, curve, inverse, pieces, rounds
@@ -29,22 +29,8 @@ from raytrace.progress import Progress
 from raytrace.records import Scene, Settings, Window
 from raytrace.scene.load import load
 from raytrace.scene.plan import Plan, make_plan
-from raytrace.wavefront import BATCH, Stage, Wavefront, make_stage
-
-_stages: WeakKeyDictionary[Scene, dict[str, Stage]] = WeakKeyDictionary()  # of scenes drawn before
-
-
-def set_stage(scene: Scene, stage: Stage) -> None:
-    """Draw a scene on this stage from now on, in the stage's precision."""
-    _stages.setdefault(scene, {})[stage.bvh.precision] = stage
-
-
-def stage_of(scene: Scene, plan: Plan, precision: str) -> Stage:
-    """The stage that a scene is drawn on, built if it isn't there yet."""
-    stages = _stages.setdefault(scene, {})
-    if precision not in stages:
-        stages[precision] = make_stage(scene, plan, precision)
-    return stages[precision]
+from raytrace.stages import is_built, stage_of, trees_of
+from raytrace.wavefront import BATCH, Wavefront
 
 
 def render(
@@ -61,6 +47,7 @@ def render(
     crop: tuple[int, int, int, int] | None = None,
     time_limit: float | None = None,
     target_error: float | None = None,
+    max_memory: int | None = None,
 ) -> Render:
     """Draw a scene.
 
@@ -84,6 +71,8 @@ def render(
     target_error : float, optional
         Sample where the error is until the estimated RMSE of the picture, in sRGB clipped to 0 .. 1, is at most this:
         0.002 is half a step of 8 bits. No pixel gets more than ``spp`` samples, 4096 where that isn't given.
+    max_memory : int, bytes, optional
+        What the process may take in all; a picture that takes more is refused. Default: what is free.
 
     Returns
     -------
@@ -105,14 +94,18 @@ def render(
     ((32, 32, 3), True)
     """
     if not isinstance(scene, Scene):
-        scene = load(scene)
+        scene = load(scene, max_memory=max_memory)
     target = error_wanted(target_error)
     most = adaptive.CAP if spp is None and target is not None else spp
     settings = override(scene.settings, most, size, seed, precision, sampler)
     window = window_of(settings.size, crop)
     layers, limit = layers_of(aov), deadline_after(time_limit)
-    job = _Job(scene, settings, window, target, progress or (lambda _: None))
-    return job.run(parallel.thread_count(threads), limit, layers)
+    plan, count = make_plan(scene), parallel.thread_count(threads)
+    precision = plan.precision.name if settings.precision == "auto" else settings.precision
+    drawing = Drawing(window.width * window.height, bool(set(layers) - {"samples"}), target is not None, count * BATCH)
+    check_drawing(drawing, trees_of(scene, plan, precision), max_memory)
+    job = _Job(scene, settings, window, target, progress or (lambda _: None), plan)
+    return job.run(count, limit, layers)
 
 
 class _Job:
@@ -125,9 +118,10 @@ class _Job:
         window: Window,
         target: float | None,
         progress: Callable[[Progress], None],
+        plan: Plan,
     ) -> None:
         self.scene, self.settings, self.window, self.target, self.progress = scene, settings, window, target, progress
-        self.plan = make_plan(scene)
+        self.plan = plan
         self.precision = self.plan.precision.name if settings.precision == "auto" else settings.precision
         self.model = MODELS[settings.sampler]
         self.at = curve(window)
@@ -138,7 +132,7 @@ class _Job:
         if target is not None:
             self.search = adaptive.Search(self.film, self.at, window, self.model, target, settings.spp)
         self.samples = np.zeros((window.height, window.width), np.int32)
-        self.layers = Layers(self.samples, self._trace_layers)
+        self.layers = Layers(self.samples, partial(_trace_layers, scene, plan, self.precision, settings.size, window))
         self.began = time.perf_counter()
         self._local = threading.local()
         self._cancelled = threading.Event()
@@ -202,7 +196,7 @@ class _Job:
         self.progress(Progress(stage, done, total, rays, time.perf_counter() - since))
 
     def _prepare(self) -> None:
-        if self.precision not in _stages.get(self.scene, {}):
+        if not is_built(self.scene, self.precision):
             self._say("building", 0, 1)
         self.stage = stage_of(self.scene, self.plan, self.precision)
         self.view = make_view(self.scene.camera, self.settings.size, np.dtype(self.precision))
@@ -291,6 +285,8 @@ class _Job:
         stderr = np.sqrt(variance).astype(np.float32).reshape(self.samples.shape)
         return Render(rgb.reshape(*stderr.shape, 3), stderr, self.layers, stats, provenance, complete, interrupted)
 
-    def _trace_layers(self) -> dict[str, NDArray[Any]]:
-        self._prepare()
-        return trace_layers(self.scene, self.stage.bvh, self.settings.size, self.window)
+
+def _trace_layers(
+    scene: Scene, plan: Plan, precision: str, size: tuple[int, int], window: Window
+) -> dict[str, NDArray[Any]]:
+    return trace_layers(scene, stage_of(scene, plan, precision).bvh, size, window)

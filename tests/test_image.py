@@ -11,7 +11,7 @@ import zlib
 import numpy as np
 import pytest
 
-from raytrace import image
+from raytrace import decoding, image
 from raytrace.errors import FileError
 
 PROVENANCE = {"version": "0.1", "seed": 2**32 - 1, "seconds": 1.25, "cpu": "Zoë's \u2603"}
@@ -308,7 +308,7 @@ def test_a_16_bit_png_is_refused(tmp_path):
 
 def test_a_png_too_large_to_trust_is_refused(tmp_path, monkeypatch):
     image.save(tmp_path / "a.png", picture()[0])
-    monkeypatch.setattr("PIL.Image.MAX_IMAGE_PIXELS", 10)
+    monkeypatch.setattr(decoding, "MAX_PIXELS", 10)
     with pytest.raises(FileError, match="not a whole PNG"):
         image.load(tmp_path / "a.png")
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from raytrace import rendering
+from raytrace import stages
 from raytrace.accel import query
 from raytrace.accel.door import columns_of
 from raytrace.records import Hits, Rays
@@ -28,7 +28,7 @@ def test_without_a_tree_a_ray_is_tested_against_all_triangles():
     tested = {}
     for tree in ("sah", "none"):
         subject = Subject(scene, Way("sobol", "float32", tree=tree), SIZE)
-        stage = rendering._stages[subject.scene]["float32"]
+        stage = stages._stages[subject.scene]["float32"]
         for name, bvh in (("all", stage.bvh), ("shadow", stage.shadow_bvhs[0])):
             work = bvh.work()
             past = (np.array([[-20.0, 30.0, 10.0]], np.float32), np.array([[-1.0, 0.1, 0.2]], np.float32))
@@ -47,7 +47,7 @@ def test_a_scene_keeps_its_own_tree():
     scene = studio()
     before = render(scene, 1, SIZE, 0, "float32").rgb
     Subject(scene, Way("sobol", "float32", triangle="moller-trumbore"), SIZE)
-    assert rendering._stages[scene]["float32"].bvh.triangle == "watertight"
+    assert stages._stages[scene]["float32"].bvh.triangle == "watertight"
     np.testing.assert_array_equal(render(scene, 1, SIZE, 0, "float32").rgb, before)
 
 

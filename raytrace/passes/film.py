@@ -13,6 +13,7 @@ from raytrace.accel.lanes import PACKET
 from raytrace.jit import inlined, kernel
 
 BINS = 4
+MOST = float(np.finfo(np.float32).max)  # radiance of a picture
 LUMINANCE = 0.2126, 0.7152, 0.0722  # of linear Rec. 709 primaries   [ITU-R BT.709-6, 3.2]
 
 
@@ -46,12 +47,12 @@ def put(film: Film, pixels: NDArray[np.int64], part: Film) -> None:
 
 
 def means(film: Film, pixels: int) -> NDArray[np.float64]:
-    """Mean radiance (3, pixels) of the first pixels; 0 without a sample."""
+    """Mean radiance (3, pixels) of the first pixels, at most the largest float32; 0 without a sample."""
     bins = film.sums.reshape(BINS, 3, -1)[..., :pixels]
     total = bins[0] + bins[1]
     total += bins[2] + bins[3]
     total /= np.maximum(film.samples[:pixels], 1)
-    return total
+    return np.minimum(total, MOST, out=total)
 
 
 def bin_counts(samples):

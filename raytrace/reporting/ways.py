@@ -11,8 +11,9 @@ from raytrace.accel.bvh import BVH
 from raytrace.accel.layout import boxes_of, children_of
 from raytrace.picture import Render
 from raytrace.records import Scene
-from raytrace.rendering import render, set_stage
+from raytrace.rendering import render
 from raytrace.scene.plan import make_plan
+from raytrace.stages import set_stage
 from raytrace.wavefront import Stage, make_stage
 
 SAMPLERS = "sobol", "stratified", "independent"

@@ -10,9 +10,9 @@ from raytrace.accel.bvh import BVH
 from raytrace.options import override
 from raytrace.passes.camera import make_view
 from raytrace.records import Scene, Settings, View
-from raytrace.rendering import stage_of
 from raytrace.scene.load import load
 from raytrace.scene.plan import make_plan
+from raytrace.stages import stage_of
 from raytrace.wavefront import Stage
 
 LABELS = {"sah": "SAH", "median": "median"}  # of splits, in titles

@@ -51,7 +51,7 @@ from raytrace.scene.plan import make_plan
 from raytrace.passes.camera import make_view
 from raytrace.passes.sampling import make_sampler
 from raytrace.wavefront import Wavefront, make_stage
-from raytrace.rendering import set_stage
+from raytrace.stages import set_stage
 stage = make_stage(scene, make_plan(scene), "float32")
 set_stage(scene, stage)
 step("plan and trees")
