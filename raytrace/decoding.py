@@ -17,7 +17,9 @@ from raytrace.limits import MAX_PIXELS
 from raytrace.memory import Allowance
 
 PIXEL, NUMBER = 90, 40  # bytes that are taken, while it is read, for a pixel of a PNG, a number of an EXR or NPZ
-_mute = threading.Lock()
+_mute = threading.Lock()  # held while stderr leads nowhere
+if hasattr(os, "register_at_fork"):  # no child may begin in the midst of that
+    os.register_at_fork(before=_mute.acquire, after_in_parent=_mute.release, after_in_child=_mute.release)
 
 
 def _afford(pixels: int, each: float) -> None:

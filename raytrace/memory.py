@@ -25,7 +25,7 @@ CORNERS, VERTEX = 24, 24  # of three indices, and of a point
 JOINED, SMOOTH = 36, 72  # of a triangle in a scene, and of its shading normals
 JOINING, AVERAGING = 175, 390  # while that is made: of the triangles of the largest object
 TREE, BUILDING = {4: 105, 8: 260}, {4: 215, 8: 460}  # of a triangle by bytes of a number: a tree, and while it is built
-PIXEL, LAYERS, SEARCH = 150, 65, 115  # of a pixel: film and picture; layers; what a wanted error takes more
+PIXEL, BIN, LAYERS, SEARCH = 112, 24, 45, 67  # of a pixel: film and picture; a bin; layers; a wanted error
 SAMPLE, REFRACTED, SHADOW = 26, 18, 16  # numbers of a sample in flight: always, if it may be refracted, of each light
 FIXED = 2**25  # bytes: code and threads
 
@@ -169,16 +169,17 @@ class Trees(NamedTuple):
 
 
 class Drawing(NamedTuple):
-    """What the memory of a picture depends on; not the number of its samples."""
+    """What the memory of a picture depends on."""
 
     pixels: int
     layers: bool  # whether any are asked for
     search: bool  # whether an error is wanted
+    bins: int  # of a pixel that are used: as many as samples, up to four
     batch: int  # samples in flight, on all threads
 
     def film(self) -> float:
         """Bytes of the film, and of the picture that is made of it."""
-        return float(self.pixels * (PIXEL + LAYERS * self.layers + SEARCH * self.search))
+        return float(self.pixels * (PIXEL + BIN * self.bins + LAYERS * self.layers + SEARCH * self.search))
 
     def samples(self, trees: Trees) -> float:
         """Bytes of the samples in flight."""

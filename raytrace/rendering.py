@@ -22,7 +22,7 @@ from raytrace.options import deadline_after, error_wanted, layers_of, override, 
 from raytrace.parts import Part, curve, inverse, pieces, rounds
 from raytrace.passes.camera import make_view
 from raytrace.passes.estimate import MODELS, estimate, root_mean
-from raytrace.passes.film import Film, make_film, means, put, taken
+from raytrace.passes.film import BINS, Film, make_film, means, put, taken
 from raytrace.passes.sampling import make_sampler
 from raytrace.picture import Layers, Render, trace_layers
 from raytrace.progress import Progress
@@ -102,7 +102,8 @@ def render(
     layers, limit = layers_of(aov), deadline_after(time_limit)
     plan, count = make_plan(scene), parallel.thread_count(threads)
     precision = plan.precision.name if settings.precision == "auto" else settings.precision
-    drawing = Drawing(window.width * window.height, bool(set(layers) - {"samples"}), target is not None, count * BATCH)
+    pixels, bins = window.width * window.height, min(settings.spp, BINS)
+    drawing = Drawing(pixels, bool(set(layers) - {"samples"}), target is not None, bins, count * BATCH)
     check_drawing(drawing, trees_of(scene, plan, precision), max_memory)
     job = _Job(scene, settings, window, target, progress or (lambda _: None), plan)
     return job.run(count, limit, layers)
