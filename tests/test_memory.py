@@ -1,10 +1,12 @@
 """What memory there is, what is foretold, and that too much is refused before it is taken."""
 
+import gc
 import gzip
 import json
 import resource
 import subprocess
 import sys
+import tracemalloc
 from importlib import import_module
 from pathlib import Path
 
@@ -221,6 +223,20 @@ def test_from_four_on_the_number_of_samples_does_not_count(monkeypatch):
     for spp in (1, 3, 4, 16, 64):
         rt.render(BOX, spp=spp, size=(8, 8))
     assert asked[2] == asked[3] == asked[4] == asked[0]._replace(bins=4) == asked[1]._replace(bins=4)
+
+
+def test_a_picture_keeps_its_pixels_and_not_the_film():
+    rt.render(BOX, spp=4, size=(16, 16))
+    tracemalloc.start()
+    try:
+        before, _ = tracemalloc.get_traced_memory()
+        image = rt.render(BOX, spp=4, size=(400, 300), aov=["samples"])
+        gc.collect()
+        kept = (tracemalloc.get_traced_memory()[0] - before) / (400 * 300)
+    finally:
+        tracemalloc.stop()
+    assert 20 <= kept < 30  # bytes a pixel: three floats, the error, the number of samples; the film has 100 more
+    assert image.aov["depth"].shape == (300, 400)
 
 
 @linux
