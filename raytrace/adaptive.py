@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from raytrace.accel.lanes import PACKET
 from raytrace.parts import Part, grown, inverse
-from raytrace.passes.edges import edges
+from raytrace.passes.edges import edges, weigh
 from raytrace.passes.estimate import Model
 from raytrace.passes.film import BINS, Film
 from raytrace.records import Window
@@ -18,6 +18,7 @@ EDGE = 0.2  # what they foretell: variance of one sample, where an edge runs bet
 AIM = 0.9  # of the squared error that is left: what falls short by a little costs a round
 MEMORY = 7.0  # contrasts that what is known of a pixel counts for at most when a round adds three
 EIGHTHS = 49  # bits of a float64 below its exponent and three binary digits: eight bins an octave
+OCTAVES = 64  # of ratios that are told apart: what is smaller counts for nothing
 
 
 class Search:
@@ -55,9 +56,8 @@ class Search:
         self._picture, self._edges = np.zeros((3, size)), np.zeros((3, size))
         self._samples = np.zeros(len(at), np.int32)
         self._scale, self._told = np.zeros((2, len(at)))  # error ~ scale samples^-order, and contrasts that said so
-        self._own, self._between, self._step = np.zeros(
-            (3, len(at))
-        )  # error, and what neighbours' differences add to it
+        self._known = np.zeros((3, len(at) + PACKET))  # error, and by what neighbours' differences count
+        self._error = np.zeros(len(at) + PACKET)
         self._new: NDArray[np.int64] | slice = np.s_[:]
 
     def show(self, pixels: NDArray[np.int64] | slice, shown: NDArray[np.float64]) -> None:
@@ -72,8 +72,9 @@ class Search:
         All sums are over pixels in the order of the picture, so that they do not depend on that of the film.
         """
         self._take_in(self._new)
-        step, between = self._neighbours()
-        error = self._own + self._between * between + self._step * step
+        self._mark()
+        weigh(self._edges.reshape(-1), self._columns, self._known.reshape(-1), self._width, self._error)
+        error = self._error[: len(self._at)]
         self.error = float(np.sqrt(error.mean()))
         doublings = choose(error, self._samples, self.target, self.cap, self.model.order)
         self._new = new = np.flatnonzero(doublings)
@@ -91,24 +92,21 @@ class Search:
         told = np.minimum(before + told, MEMORY)
         self._scale[new], self._told[new] = scale, told
         share = 1 / (rises * (told + LUCK))
-        self._own[new], self._between[new], self._step[new] = told * scale * share, LUCK * EDGE * share, 1 / (9 * n**3)
+        own, between, step = self._known[:, : len(self._at)]
+        own[new], between[new], step[new] = told * scale * share, LUCK * EDGE * share, 1 / (9 * n**3)
 
-    def _neighbours(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Largest step to a neighbour, and how far pixels lie between two of them, in any round; no even slopes.
+    def _mark(self) -> None:
+        """Note where the picture has edges: the largest differences of pixels from their neighbours, in any round.
 
-        Both squared and summed over the channels. A pixel that lies half on either side of an edge is not bent, but its
+        All squared and summed over the channels. A pixel that lies half on either side of an edge is not bent, but its
         neighbours are.
         """
         rows = self._picture.reshape(3, -1, self._columns)[..., : self._width + 2]
         _extend(rows.transpose(2, 0, 1)[:, :, 2:-2])
         _extend(rows.transpose(1, 0, 2)[1:-1])
         edges(self._picture.reshape(-1), self._columns, *self._edges)
-        steps, bends, between = self._edges.reshape(3, -1, self._columns)[..., : self._width + 2]
-        bends[:, 0] = bends[:, -1] = 0.0  # beside the picture
-        bent = np.maximum(np.maximum(bends[1:-3], bends[2:-2]), bends[3:-1])
-        bent = np.maximum(np.maximum(bent[:, :-2], bent[:, 1:-1]), bent[:, 2:])
-        inner = np.s_[2:-2, 1:-1]
-        return np.minimum(steps[inner], bent).ravel(), np.minimum(between[inner], bent).ravel()
+        bends = self._edges[1].reshape(-1, self._columns)
+        bends[:, 0] = bends[:, self._width + 1] = 0.0  # beside the picture
 
 
 def _extend(rows: NDArray[np.float64]) -> None:
@@ -141,8 +139,10 @@ def choose(
     found from sums over pixels whose error / samples are equal to an eighth of an octave.
     """
     able = samples < cap
-    left = error if able.all() else np.where(able, error, 0.0)
-    budget = target**2 * len(error) - float((error - left).sum())
+    left, budget = error, target**2 * len(error)
+    if not able.all():
+        left = np.where(able, error, 0.0)
+        budget -= float((error - left).sum())
     if budget <= 0:
         budget = target**2 * max(int(able.sum()), 1)
     if not left.sum() > budget:  # nor where nothing is known
@@ -150,8 +150,9 @@ def choose(
     budget *= AIM
     ratio = left / samples
     bins = ratio.view(np.int64) >> EIGHTHS
-    least = int(bins[left > 0].min())
-    sums = np.bincount(np.maximum(bins - least, 0), left)[::-1]  # of the largest ratios first
+    least = max(int(bins.max()) - 8 * OCTAVES, 0)
+    bins -= least
+    sums = np.bincount(np.maximum(bins, 0, out=bins), left)[::-1]  # of the largest ratios first
     lowest = ((np.arange(len(sums))[::-1] + least) << EIGHTHS).view(np.float64)
     middle = lowest * (1 + 1 / 16)
     rest = float(sums.sum()) - np.cumsum(sums)  # of all smaller ratios

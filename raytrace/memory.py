@@ -162,10 +162,19 @@ class Joining(NamedTuple):
 class Trees(NamedTuple):
     """What the memory of a scene that is drawn depends on."""
 
-    triangles: int  # of trees that are yet to be built
+    triangles: int  # 0: the trees are there
+    trees: int
     width: int  # bytes of a number
     refraction: bool
     lights: bool
+
+    def built(self) -> float:
+        """Bytes of all trees."""
+        return float(TREE[self.width] * self.triangles * self.trees)
+
+    def building(self) -> float:
+        """Bytes at most while they are built, one after the other."""
+        return self.built() + (BUILDING[self.width] - TREE[self.width]) * self.triangles
 
 
 class Drawing(NamedTuple):
@@ -188,8 +197,7 @@ class Drawing(NamedTuple):
 
     def total(self, trees: Trees) -> float:
         """Bytes at most at a time."""
-        built, building = TREE[trees.width] * trees.triangles, BUILDING[trees.width] * trees.triangles
-        return FIXED + max(building, built + self.film() + self.samples(trees))
+        return FIXED + max(trees.building(), trees.built() + self.film() + self.samples(trees))
 
 
 def check_drawing(drawing: Drawing, trees: Trees, max_memory: int | None) -> None:
@@ -200,7 +208,7 @@ def check_drawing(drawing: Drawing, trees: Trees, max_memory: int | None) -> Non
     OptionError
         What to lower.
     """
-    building, film = BUILDING[trees.width] * trees.triangles, drawing.film()
+    building, film = trees.building(), drawing.film()
     cures = {
         "take a smaller film by --size (size=), or a part by --crop (crop=)": film,
         "simplify the meshes, or take --precision float32": building,

@@ -16,9 +16,9 @@ from raytrace.accel.grow import Part, grow, make_binary, make_scratch
 from raytrace.accel.lanes import NODE, PACKET
 from raytrace.accel.layout import make_leaves, make_nodes
 from raytrace.passes.camera import camera_rays, make_view
-from raytrace.passes.edges import edges
+from raytrace.passes.edges import edges, weigh
 from raytrace.passes.estimate import errors
-from raytrace.passes.film import accumulate, make_film
+from raytrace.passes.film import accumulate, develop, make_film, make_frame
 from raytrace.passes.light import background, reflect_light, shadow_rays
 from raytrace.passes.refraction import land, refract_rays
 from raytrace.passes.sampling import make_sampler
@@ -59,6 +59,7 @@ def needs(picture: Picture) -> list[Call]:
         calls += _sorting(stage.bvh)
     if picture.aimed:
         calls.append((edges, (np.zeros(0), 0, np.zeros(0), np.zeros(0), np.zeros(0))))
+        calls.append((weigh, (np.zeros(0), 0, np.zeros(0), 0, np.zeros(0))))
     return calls
 
 
@@ -131,8 +132,9 @@ def tracing(front: Wavefront) -> Iterator[Call]:
         yield shadow_rays, (front.points, colour, front.shadows)
         yield reflect_light, (stage.shading, front.points, front.shadows, colour, front.radiance)
     film = make_film(PACKET)
-    yield accumulate, (front.radiance, 0, film.sums, 0, PACKET)
+    yield accumulate, (front.radiance, 0, 0, film.sums, 0, PACKET)
     yield errors, (film.sums.reshape(-1), 0, np.zeros(7), np.zeros(3 * PACKET), film.variance, film.error)
+    yield develop, (film, np.zeros(0, np.int64), make_frame(0))
     yield background, (samples.hits, front.radiance, colour)
     if stage.plan.refraction:
         yield land, (samples, 0, samples)

@@ -12,7 +12,7 @@ RGB, SUB = 2, 1  # colour type; filter: differences from the pixel to the left
 PERCEPTUAL, GAMMA = 0, 45455  # rendering intent of sRGB; for readers without it 1 / 2.2, in units of 1e-5   [11.3.2]
 
 
-def encode(pixels: NDArray[np.uint8], texts: Mapping[str, str]) -> bytes:
+def encode(pixels: NDArray[np.uint8], texts: Mapping[str, str], level: int = -1) -> bytes:
     r"""Encode a picture, without loss.
 
     Parameters
@@ -21,6 +21,8 @@ def encode(pixels: NDArray[np.uint8], texts: Mapping[str, str]) -> bytes:
         sRGB.
     texts : mapping of str to str
         Goes with it; Latin-1, keys of at most 79 letters.
+    level : int
+        Of compression, from 1, quick, to 9; -1: as zlib likes it.
 
     Examples
     --------
@@ -36,7 +38,7 @@ def encode(pixels: NDArray[np.uint8], texts: Mapping[str, str]) -> bytes:
         _chunk(b"sRGB", struct.pack(">B", PERCEPTUAL)),
         _chunk(b"gAMA", struct.pack(">I", GAMMA)),
         *(_chunk(b"tEXt", f"{key}\0{text}".encode("latin-1")) for key, text in texts.items()),
-        _chunk(b"IDAT", zlib.compress(rows.tobytes())),
+        _chunk(b"IDAT", zlib.compress(rows.tobytes(), level)),
         _chunk(b"IEND", b""),
     ]
     return b"".join([SIGNATURE, *chunks])

@@ -6,7 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +19,17 @@ from raytrace.jit import load_all, on_compile
 from raytrace.memory import Drawing, check_drawing
 from raytrace.needs import Picture, compile_ahead, tracing
 from raytrace.options import deadline_after, error_wanted, layers_of, override, window_of
-from raytrace.parts import Part, curve, inverse, pieces, rounds
+from raytrace.parts import Part, curve, pieces, rounds
 from raytrace.passes.camera import make_view
 from raytrace.passes.estimate import MODELS, estimate, root_mean
-from raytrace.passes.film import BINS, Film, make_film, means, put, taken
+from raytrace.passes.film import BINS, MOST, Film, develop, make_film, make_frame, put, taken
 from raytrace.passes.sampling import make_sampler
 from raytrace.picture import Layers, Render, trace_layers
-from raytrace.progress import Progress
+from raytrace.preview import watcher_of
+from raytrace.progress import Progress, Watcher
 from raytrace.records import Scene, Settings, Window
 from raytrace.scene.load import load
-from raytrace.scene.plan import Plan, make_plan
-from raytrace.stages import is_built, stage_of, trees_of
+from raytrace.stages import is_built, plan_of, stage_of, trees_of
 from raytrace.wavefront import BATCH, Wavefront
 
 
@@ -42,7 +42,7 @@ def render(
     sampler: str | None = None,
     *,
     threads: int | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[Progress], None] | Literal[False] | None = None,
     aov: Sequence[str] = (),
     crop: tuple[int, int, int, int] | None = None,
     time_limit: float | None = None,
@@ -60,8 +60,9 @@ def render(
         "stratified" or "independent". Default: what the scene says.
     threads : int, optional
         Default: all cores of the process. The picture has the same bits for any number.
-    progress : callable, optional
-        Is called with a ``Progress`` now and then.
+    progress : callable or False, optional
+        Is called with a ``Progress`` now and then. Default: in a notebook, the picture is shown as it gets better;
+        elsewhere, and where this is False, nothing is.
     aov : sequence of str
         Layers to compute and keep in files; all can be had from ``Render.aov`` later.
     crop : (x, y, width, height), pixels, optional
@@ -99,30 +100,29 @@ def render(
     most = adaptive.CAP if spp is None and target is not None else spp
     settings = override(scene.settings, most, size, seed, precision, sampler)
     window = window_of(settings.size, crop)
-    layers, limit = layers_of(aov), deadline_after(time_limit)
-    plan, count = make_plan(scene), parallel.thread_count(threads)
+    layers, limit, count = layers_of(aov), deadline_after(time_limit), parallel.thread_count(threads)
+    plan = plan_of(scene)
     precision = plan.precision.name if settings.precision == "auto" else settings.precision
-    pixels, bins = window.width * window.height, min(settings.spp, BINS)
-    drawing = Drawing(pixels, bool(set(layers) - {"samples"}), target is not None, bins, count * BATCH)
-    check_drawing(drawing, trees_of(scene, plan, precision), max_memory)
-    job = _Job(scene, settings, window, target, progress or (lambda _: None), plan)
+    check_drawing(_drawing(settings, window, target, layers, count), trees_of(scene, plan, precision), max_memory)
+    job = _Job(scene, settings, window, target, watcher_of(progress))
     return job.run(count, limit, layers)
+
+
+def _drawing(settings: Settings, window: Window, target: float | None, layers: Sequence[str], threads: int) -> Drawing:
+    """What the memory of a picture depends on."""
+    pixels = window.width * window.height
+    batch = min(threads, -(-pixels * settings.spp // BATCH)) * BATCH
+    return Drawing(pixels, bool(set(layers) - {"samples"}), target is not None, min(settings.spp, BINS), batch)
 
 
 class _Job:
     """One call of ``render``."""
 
     def __init__(
-        self,
-        scene: Scene,
-        settings: Settings,
-        window: Window,
-        target: float | None,
-        progress: Callable[[Progress], None],
-        plan: Plan,
+        self, scene: Scene, settings: Settings, window: Window, target: float | None, watcher: Watcher
     ) -> None:
-        self.scene, self.settings, self.window, self.target, self.progress = scene, settings, window, target, progress
-        self.plan = plan
+        self.scene, self.settings, self.window, self.target, self.watcher = scene, settings, window, target, watcher
+        self.plan = plan_of(scene)
         self.precision = self.plan.precision.name if settings.precision == "auto" else settings.precision
         self.model = MODELS[settings.sampler]
         self.at = curve(window)
@@ -133,7 +133,7 @@ class _Job:
         if target is not None:
             self.search = adaptive.Search(self.film, self.at, window, self.model, target, settings.spp)
         self.samples = np.zeros((window.height, window.width), np.int32)
-        self.layers = Layers(self.samples, partial(_trace_layers, scene, plan, self.precision, settings.size, window))
+        self.layers = Layers(self.samples, partial(_trace_layers, scene, self.precision, settings.size, window))
         self.began = time.perf_counter()
         self._local = threading.local()
         self._cancelled = threading.Event()
@@ -155,6 +155,7 @@ class _Job:
                     self.layers[name]
             except KeyboardInterrupt:
                 interrupted = True
+        self.watcher.end(interrupted)
         return self._picture(complete, interrupted, compiled.seconds)
 
     def _over(self) -> bool:
@@ -165,6 +166,8 @@ class _Job:
         """Draw round after round: a pixel's samples are summed in their order, so no tile may be in two at once."""
         spp = self.settings.spp if self.target is None else min(adaptive.FIRST, self.settings.spp)
         pixels, done = len(self.film.samples), 0
+        hasty |= self.watcher.early(pixels * spp)
+        self.watcher.begin(self.film.samples, self.at, self.window)
         drawn = [
             [Part(first, last, piece) for piece in pieces(pixels, BATCH // (last - first))]
             for first, last in rounds(spp, hasty)
@@ -194,7 +197,7 @@ class _Job:
     def _say(self, stage: str, done: int, total: int) -> None:
         rays = sum(wavefront.rays.total() for wavefront in list(self._wavefronts))
         since = self._drawing if stage == "rendering" else self.began
-        self.progress(Progress(stage, done, total, rays, time.perf_counter() - since))
+        self.watcher(Progress(stage, done, total, rays, time.perf_counter() - since))
 
     def _prepare(self) -> None:
         if not is_built(self.scene, self.precision):
@@ -236,23 +239,24 @@ class _Job:
         film.samples[begin : begin + len(x)] = done
         shown = np.empty((3, len(x)))
         estimate(film, begin, begin + len(x), self.model, shown.reshape(-1))
+        self.watcher.show(part.pixels, shown)
         if self.search:
             self.search.show(part.pixels, shown)
 
     def _wavefront(self, n: int) -> Wavefront:
         """Wavefront of the calling thread for batches of n samples."""
-        mine = self._local.__dict__.setdefault("wavefronts", {})
-        if n not in mine:
-            mine[n] = Wavefront(self.stage, self.view, self.sampler, n)
-            self._wavefronts.append(mine[n])
-        return mine[n]
+        front: Wavefront | None = getattr(self._local, "front", None)
+        if front is None or n > front.most:
+            front = self._local.front = Wavefront(self.stage, self.view, self.sampler, max(n, BATCH))
+            self._wavefronts.append(front)
+        if n != front.n:
+            front.resize(n)
+        return front
 
     def _picture(self, complete: bool, interrupted: bool, compile_seconds: float) -> Render:
-        m, place = len(self.at), inverse(self.at)
-        variance, squares = self.film.variance[place], self.film.error[place]
-        self.samples[:] = self.film.samples[place].reshape(self.samples.shape)
-        rgb = np.empty((m, 3), np.float32)
-        rgb[self.at] = means(self.film, m).T.astype(np.float32, order="C")
+        shown = make_frame(len(self.at))
+        develop(self.film, self.at, shown)
+        self.samples[:] = shown.samples.reshape(self.samples.shape)
         seconds = time.perf_counter() - self.began
         passes: defaultdict[str, float] = defaultdict(float)
         rays: Counter[str] = Counter()
@@ -260,7 +264,7 @@ class _Job:
             rays.update(wavefront.rays)
             for name, spent in wavefront.seconds.items():
                 passes[name] += spent
-        error = root_mean(squares) if self.search is None else self.search.error
+        error = root_mean(shown.error) if self.search is None else self.search.error
         stats = {
             "seconds": seconds,
             "compile_seconds": compile_seconds,
@@ -268,7 +272,7 @@ class _Job:
             "rays": dict(rays),
             "samples": int(self.samples.sum()),
             "estimated_error": error,
-            "estimated_error_linear": root_mean(variance),
+            "estimated_error_linear": root_mean(shown.variance),
             "target_reached": None if self.target is None else bool(error <= self.target),
         }
         provenance = {
@@ -283,11 +287,11 @@ class _Job:
             "complete": int(complete),
             "seconds": round(seconds, 4),
         }
-        stderr = np.sqrt(variance).astype(np.float32).reshape(self.samples.shape)
-        return Render(rgb.reshape(*stderr.shape, 3), stderr, self.layers, stats, provenance, complete, interrupted)
+        stderr = np.minimum(np.sqrt(shown.variance), MOST).astype(np.float32).reshape(self.samples.shape)
+        return Render(
+            shown.rgb.reshape(*stderr.shape, 3), stderr, self.layers, stats, provenance, complete, interrupted
+        )
 
 
-def _trace_layers(
-    scene: Scene, plan: Plan, precision: str, size: tuple[int, int], window: Window
-) -> dict[str, NDArray[Any]]:
-    return trace_layers(scene, stage_of(scene, plan, precision).bvh, size, window)
+def _trace_layers(scene: Scene, precision: str, size: tuple[int, int], window: Window) -> dict[str, NDArray[Any]]:
+    return trace_layers(scene, stage_of(scene, plan_of(scene), precision).bvh, size, window)

@@ -4,7 +4,7 @@ from weakref import WeakKeyDictionary
 
 from raytrace.memory import Trees
 from raytrace.records import Scene
-from raytrace.scene.plan import Plan
+from raytrace.scene.plan import Plan, make_plan
 from raytrace.wavefront import Stage, make_stage
 
 _stages: WeakKeyDictionary[Scene, dict[str, Stage]] = WeakKeyDictionary()  # by precision
@@ -13,6 +13,13 @@ _stages: WeakKeyDictionary[Scene, dict[str, Stage]] = WeakKeyDictionary()  # by 
 def set_stage(scene: Scene, stage: Stage) -> None:
     """Draw a scene on this stage from now on, in the stage's precision."""
     _stages.setdefault(scene, {})[stage.bvh.precision] = stage
+
+
+def plan_of(scene: Scene) -> Plan:
+    """The plan of a scene; a stage that it is drawn on knows it."""
+    for stage in _stages.get(scene, {}).values():
+        return stage.plan
+    return make_plan(scene)
 
 
 def is_built(scene: Scene, precision: str) -> bool:
@@ -29,6 +36,7 @@ def stage_of(scene: Scene, plan: Plan, precision: str) -> Stage:
 
 
 def trees_of(scene: Scene, plan: Plan, precision: str) -> Trees:
-    """What memory the stage of a scene depends on."""
-    triangles = 0 if is_built(scene, precision) else len(scene.mesh.faces) * (1 + plan.transparent)
-    return Trees(triangles, 4 if precision == "float32" else 8, plan.refraction, plan.lights > 0)
+    """What the memory of a scene that is drawn depends on."""
+    triangles = 0 if is_built(scene, precision) else len(scene.mesh.faces)
+    width = 4 if precision == "float32" else 8
+    return Trees(triangles, 1 + plan.transparent, width, plan.refraction, plan.lights > 0)

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from raytrace.accel import query
 from raytrace.accel.bvh import BVH
+from raytrace.accel.lanes import PACKET
+from raytrace.accel.layout import aligned
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.film import accumulate
 from raytrace.passes.light import background, reflect_light, shadow_rays, triangles_at
@@ -38,22 +40,35 @@ class Stage(NamedTuple):
 def make_stage(scene: Scene, plan: Plan, precision: str, split: str = "sah", triangle: str = "watertight") -> Stage:
     """Trees and tables of a scene; split and triangle as ``BVH`` takes them."""
     dtype = np.dtype(precision)
-    mesh, materials = scene.mesh, scene.materials
+    mesh = scene.mesh
     bvh = BVH(mesh.vertices, mesh.faces, precision, split, triangle)
     positions = scene.lights.position.astype(dtype)
-    refractive = materials.kind == REFRACTIVE
-    table = np.column_stack([materials.albedo, materials.ior, materials.two_sided, refractive])
     return Stage(
         plan,
         scene.settings.max_depth,
         bvh,
         _shadow_bvhs(scene, bvh, positions),
-        Shading(bvh.triangles.ravel(), mesh.material_id, table.astype(dtype).ravel()),
+        Shading(bvh.triangles.ravel(), mesh.material_id, _table(scene, dtype)),
         None if mesh.normals is None else mesh.normals.astype(dtype).ravel(),
         scene.background.astype(dtype),
         positions,
         scene.lights.flux.astype(dtype),
     )
+
+
+def restaged(stage: Stage, scene: Scene) -> Stage:
+    """The same trees, for a scene that differs in its camera, its fluxes or its materials' numbers alone."""
+    dtype = stage.light_flux.dtype
+    shading = stage.shading._replace(materials=_table(scene, dtype))
+    return stage._replace(shading=shading, light_flux=scene.lights.flux.astype(dtype))
+
+
+def _table(scene: Scene, dtype: np.dtype) -> NDArray[np.floating]:
+    """What shading looks up of materials."""
+    materials = scene.materials
+    refractive = materials.kind == REFRACTIVE
+    table = np.column_stack([materials.albedo, materials.ior, materials.two_sided, refractive])
+    return table.astype(dtype).ravel()
 
 
 def _shadow_bvhs(scene: Scene, bvh: BVH, positions: NDArray[np.floating]) -> tuple[BVH, ...]:
@@ -72,9 +87,34 @@ def _shadow_bvhs(scene: Scene, bvh: BVH, positions: NDArray[np.floating]) -> tup
     return tuple(trees)
 
 
-def _batch(n: int, dtype: np.dtype) -> Batch:
-    hits = Hits(np.empty(n, dtype), np.empty(n, np.int32), np.empty(n, dtype), np.empty(n, dtype))
-    return Batch(np.empty(3 * n, dtype), np.empty(3 * n, dtype), np.empty(n, np.int32), hits)
+class _Memory:
+    """One block for the columns of batches.
+
+    A column is a packet longer than a batch of whole pages, so that each begins at another place of a page: where all
+    begin at the same, they compete for the few lines that a cache has for it.
+    """
+
+    def __init__(self, columns: int, rows: int, dtype: np.dtype) -> None:
+        self._block, self._taken = aligned(columns * rows, dtype).reshape(columns, rows), 0
+
+    def take(self, columns: int = 1, dtype: Any = None) -> NDArray[Any]:
+        """The next columns, one after the other, of a type that is no larger."""
+        first, self._taken = self._taken, self._taken + columns
+        taken = self._block[first : self._taken]
+        return taken.reshape(-1).view(dtype or taken.dtype)[: taken.size]
+
+
+def _batch(memory: _Memory) -> Batch:
+    d, o, slot = memory.take(3), memory.take(3), memory.take(dtype=np.int32)
+    return Batch(o, d, slot, Hits(memory.take(), memory.take(dtype=np.int32), memory.take(), memory.take()))
+
+
+BATCH_COLUMNS, OTHER_COLUMNS = 11, 23  # of a batch; of points, shadows and radiance
+
+
+def _part(record: Any, rows: int, most: int) -> Any:
+    """What a record of columns with room for ``most`` samples holds of fewer, in the same memory."""
+    return record._make(_part(a, rows, most) if isinstance(a, tuple) else a[: len(a) // most * rows] for a in record)
 
 
 class Wavefront:
@@ -86,31 +126,37 @@ class Wavefront:
     view : View
     sampler : Sobol, Stratified or Independent
     n : int
-        Samples of a batch: whole packets.
+        Most samples of a batch: whole packets.
     """
 
     def __init__(self, stage: Stage, view: View, sampler: Any, n: int) -> None:
         dtype = stage.bvh.triangles.dtype
-        self.stage, self.view, self.sampler, self.n = stage, view, sampler, n
+        self.stage, self.view, self.sampler, self.most = stage, view, sampler, n
         self.seconds: defaultdict[str, float] = defaultdict(float)
         self.rays: Counter[str] = Counter()
         self.work = stage.bvh.work()
         self.shadow_work = [bvh.work() for bvh in stage.shadow_bvhs]
-        self.samples = _batch(n, dtype)
-        self.samples.slot[:] = np.arange(n)
-        self.bounced = [_batch(n, dtype) for _ in range(2 * stage.plan.refraction)]
-        ng = np.empty(3 * n, dtype)
-        ns = np.empty(3 * n, dtype) if stage.plan.smooth else ng
-        self.points = Points(np.empty(3 * n, dtype), ng, ns, np.empty(n, dtype), np.empty(n, np.int32))
-        self.shadows = Shadows(
-            np.empty(3 * n, dtype),
-            np.empty(3 * n, dtype),
-            np.empty(n, dtype),
-            np.empty(n, dtype),
-            np.empty(n, np.bool_),
-        )
-        self.radiance = np.empty(3 * n, dtype)
+        batches, self._room = 1 + 2 * stage.plan.refraction, n + PACKET
+        memory = _Memory(BATCH_COLUMNS * batches + OTHER_COLUMNS, self._room, dtype)
+        samples, *bounced = (_batch(memory) for _ in range(batches))
+        p, ng = memory.take(3), memory.take(3)
+        ns = memory.take(3) if stage.plan.smooth else ng
+        points = Points(p, ng, ns, memory.take(), memory.take(dtype=np.int32))
+        rays = memory.take(3), memory.take(3), memory.take()
+        shadows = Shadows(*rays, memory.take(), memory.take(dtype=np.bool_))
+        self._records, self._radiance = (samples, points, shadows, *bounced), memory.take(3)
         self.zero, self.infinity = np.zeros(1, dtype), np.full(1, np.inf, dtype)
+        self.resize(n)
+
+    def resize(self, n: int) -> None:
+        """Take n samples a batch from now on, whole packets, in the memory that is there; then come misses."""
+        self.n, self._rows = n, n + PACKET
+        parts = [_part(record, self._rows, self._room) for record in self._records]
+        self.samples, self.points, self.shadows, *self.bounced = parts
+        self.radiance = self._radiance[: 3 * self._rows]
+        self.samples.hits.prim_id[n:] = -1
+        if self.bounced:
+            self.samples.slot[:] = np.arange(self._rows)
 
     def add_samples(
         self, x: NDArray[np.uint32], y: NDArray[np.uint32], first: int, last: int, sums: Any, begin: int
@@ -134,7 +180,7 @@ class Wavefront:
             for number in range(stage.plan.lights):
                 self._light(number)
         clock = time.perf_counter()
-        accumulate(self.radiance, first, sums, begin, len(x))
+        accumulate(self.radiance, first, last, sums, begin, len(x))
         self._lap("film", clock)
 
     def _lap(self, name: str, since: float) -> float:
@@ -146,7 +192,7 @@ class Wavefront:
         return Columns(value, 0, 0, 0)
 
     def _columns(self, array: NDArray[np.floating]) -> Columns:
-        return Columns(array, 0, 1, self.n)
+        return Columns(array, 0, 1, self._rows)
 
     def _closest(self, batch: Batch, origins: Columns, count: int) -> None:
         rays = Rays(origins, self._columns(batch.d), self._limit(self.zero), self._limit(self.infinity))

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import rays
-from raytrace.passes.edges import edges
+from raytrace.accel.lanes import PACKET
+from raytrace.passes.edges import edges, weigh
 
 COLUMNS, ROWS = 32, 9
 INNER = np.s_[2:-2, 1:-1]
@@ -29,6 +30,24 @@ def test_differences_are_those_of_slices():
     expected = [a.max(axis=0) for a in (steps, bends, between)]
     np.testing.assert_allclose(found(picture), expected, rtol=1e-12)
     assert (found(picture, held=9.0) == 9.0).all()  # what is larger stays
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("width", [1, 13, 16, 17, 30])
+def test_errors_are_weighed_by_what_bends_near_them(width):
+    rng = np.random.default_rng(2)
+    steps, bends, between = marks = rng.uniform(0, 1, (3, ROWS, COLUMNS))
+    height = ROWS - 4
+    known, error = np.zeros((3, height * width + PACKET)), np.empty(height * width + PACKET)
+    known[:, : height * width] = rng.uniform(0, 1, (3, height * width))
+    weigh(marks.ravel(), COLUMNS, known.ravel(), width, error)
+    for y in range(height):
+        for x in range(width):
+            at = y + 2, x + 1
+            bent = bends[at[0] - 1 : at[0] + 2, at[1] - 1 : at[1] + 2].max()
+            own, half, hidden = known[:, y * width + x]
+            expected = own + half * min(between[at], bent) + hidden * min(steps[at], bent)
+            assert error[y * width + x] == pytest.approx(expected, rel=1e-14)
 
 
 @pytest.mark.nojit

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rays
-from raytrace.passes.film import BINS, LUMINANCE, accumulate, bin_counts, make_film, means, put, taken
+from raytrace.passes.film import BINS, LUMINANCE, accumulate, bin_counts, develop, make_film, make_frame, put, taken
 
 PRECISIONS = ("float32", "float64")
 
@@ -15,8 +15,9 @@ def added(radiance, cuts, pixels):
     """Sums (bins, 3, pixels) of radiance (samples, pixels, 3), added in pieces that begin at the cuts."""
     sums, first = np.zeros((3 * BINS, pixels)), 0
     for piece in np.split(radiance, cuts):
-        accumulate(piece.transpose(2, 0, 1).ravel(), first, sums, 0, pixels)
-        first += len(piece)
+        last = first + len(piece)
+        accumulate(piece.transpose(2, 0, 1).ravel(), first, last, sums, 0, pixels)
+        first = last
     return sums.reshape(BINS, 3, pixels)
 
 
@@ -64,9 +65,28 @@ def test_only_the_pixels_of_a_batch_are_touched(precision):
     radiance = np.random.default_rng(3).uniform(0, 2, (5, 16, 3)).astype(precision)
     sums = np.full((3 * BINS, 48), 7.0)
     sums[:, 16:32] = 0
-    accumulate(radiance.transpose(2, 0, 1).ravel(), 0, sums, 16, 16)
+    accumulate(radiance.transpose(2, 0, 1).ravel(), 0, 5, sums, 16, 16)
     assert rays.same_bits(sums[:, 16:32].reshape(BINS, 3, 16), added(radiance, [], 16))
     assert (np.delete(sums, np.s_[16:32], axis=1) == 7).all()
+
+
+def developed(film, at):
+    picture = make_frame(len(at))
+    develop(film, at, picture)
+    return picture
+
+
+@pytest.mark.nojit
+def test_a_picture_has_every_pixel_of_the_film_in_its_place():
+    film, at = make_film(20), np.random.default_rng(6).permutation(20)
+    for seed, column in enumerate(film):
+        column[...] = 100 * np.random.default_rng(seed).random(column.shape)
+    picture = developed(film, at)
+    bins = film.sums.reshape(BINS, 3, -1)[..., :20]
+    means = (bins[0] + bins[1] + (bins[2] + bins[3])) / np.maximum(film.samples[:20], 1)
+    assert rays.same_bits(picture.rgb[at], means.T.astype(np.float32))
+    for name in ("samples", "variance", "error"):
+        assert rays.same_bits(getattr(picture, name)[at], getattr(film, name)[:20])
 
 
 def test_a_film_has_whole_packets_and_knows_nothing():
@@ -76,15 +96,19 @@ def test_a_film_has_whole_packets_and_knows_nothing():
     assert not film.samples.any()
     assert np.isnan(film.variance).all()
     assert np.isnan(film.error).all()
-    assert means(film, 33).tolist() == np.zeros((3, 33)).tolist()
+    picture = developed(film, np.arange(33))
+    assert picture.rgb.tolist() == np.zeros((33, 3)).tolist()
+    assert not picture.samples.any()
+    assert np.isnan(picture.variance).all()
+    assert np.isnan(picture.error).all()
 
 
 def test_pixels_are_taken_and_put_back_and_means_are_those_of_their_samples():
     film = make_film(64)
     radiance = np.random.default_rng(4).uniform(0, 2, (6, 64, 3))
-    accumulate(radiance.transpose(2, 0, 1).ravel(), 0, film.sums, 0, 64)
+    accumulate(radiance.transpose(2, 0, 1).ravel(), 0, 6, film.sums, 0, 64)
     film.samples[:] = 6
-    np.testing.assert_allclose(means(film, 60), radiance.mean(axis=0).T[:, :60], rtol=1e-15)
+    np.testing.assert_allclose(developed(film, np.arange(60)).rgb, radiance.mean(axis=0)[:60], rtol=1e-7)
     pixels = np.array([3, 5, 60])
     part = taken(film, np.pad(pixels, (0, 13), "edge"))
     for column in part:

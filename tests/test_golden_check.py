@@ -7,14 +7,15 @@ import pytest
 
 from raytrace import image
 from raytrace.golden import store
-from raytrace.golden.check import Golden, Place
+from raytrace.golden.check import Golden
+from raytrace.golden.place import Place
 from test_golden_gates import DEFECTS, noisy, scene
 from test_page import Reader
 
 
 @pytest.fixture
 def place(tmp_path):
-    return Place(tmp_path / "tests" / "golden", tmp_path, tmp_path / "left", "tests/test_a.py::test_a")
+    return Place(tmp_path / "tests" / "golden", tmp_path, tmp_path / "left", tmp_path, "tests/test_a.py::test_a")
 
 
 def write(place, picture, name="box", **more):
@@ -34,7 +35,7 @@ def test_a_missing_golden_fails_says_how_to_write_it_and_shows_the_picture(place
         check(place, scene())
     assert str(failure.value) == (
         "golden 'box': there is no tests/golden/box.npz: look at the picture, then write it: "
-        "pytest --update-goldens 'tests/test_a.py::test_a'; see left/tests/golden/box.html"
+        "pytest --update-goldens tests/test_a.py::test_a; see left/tests/golden/box.html"
     )
     assert files(place.root) == ["left/tests/golden/box.actual.npz", "left/tests/golden/box.html"]
 
@@ -79,6 +80,7 @@ def test_a_failure_leaves_a_page_and_tells_its_numbers_in_one_line(place, name):
     )
     assert "\n" not in line
     page = (place.root / "left/tests/golden/box.html").read_text("utf-8")
+    assert "<code>pytest --update-goldens tests/test_a.py::test_a</code>" in page
     reader = Reader()
     reader.feed(page)
     assert reader.open == []

@@ -24,6 +24,8 @@ def test_noise(golden):
     golden.check(lambda seed: SCALE * np.random.default_rng(seed).uniform(size=(16, 16)), "noise")
 """
 
+NAMES = ["grey-0", "grey-1", "grey-2", "grey-3", "noise"]
+
 
 @pytest.fixture
 def project(tmp_path):
@@ -31,12 +33,12 @@ def project(tmp_path):
     tests = tmp_path / "checks" / "test_pictures.py"
     tests.parent.mkdir()
 
-    def run(*words, scale=1.0, ini="", plugin=("-p", "raytrace.golden.plugin")):
+    def run(*words, scale=1.0, ini="", plugin=("-p", "raytrace.golden.plugin"), folder=tmp_path):
         tests.write_text(TESTS.replace("SCALE", str(scale)))
         (tmp_path / "pytest.ini").write_text(f"[pytest]\n{ini}")
         command = [sys.executable, "-m", "pytest", "-p", "no:raytrace-golden", *plugin, "-q", "--color=no", *words]
         environment = os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "400"}
-        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300)
+        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
         return done.stdout + done.stderr, done.returncode
 
     return run
@@ -55,12 +57,15 @@ def test_goldens_are_missing_then_written_then_kept(project, tmp_path):
     )
     assert re.search(line, output)
     assert goldens(tmp_path) == []
-    assert project("--update-goldens", "-n", "2")[1] == 0  # with pytest-xdist
+    output, code = project("--update-goldens", "-n", "2")  # with pytest-xdist
+    assert code == 0
+    told = re.search(r"= golden pictures written =+\n(.*?)\n\d+ passed", output, re.DOTALL)[1].splitlines()
+    assert told == [f"checks/golden/{name}.npz and .png" for name in NAMES]
     written = goldens(tmp_path)
-    assert written == sorted(
-        f"{name}.{kind}" for name in ("grey-0", "grey-1", "grey-2", "grey-3", "noise") for kind in ("npz", "png")
-    )
-    assert "5 passed" in project("-n", "2")[0]
+    assert written == [f"{name}.{kind}" for name in NAMES for kind in ("npz", "png")]
+    output, code = project("-n", "2")
+    assert "5 passed" in output
+    assert "written" not in output
     assert not any((tmp_path / "golden-failures").rglob("*.html"))
     output, code = project("-n", "2", scale=1.02)
     assert code == 1
@@ -70,9 +75,35 @@ def test_goldens_are_missing_then_written_then_kept(project, tmp_path):
         r"relative bias of red 0\.02 is above 0\.001; .* \(ssim .*\); see golden-failures/checks/golden/grey-1\.html$",
         errors[0],
     )
-    assert "check.py" not in output  # the traceback ends in the test
+    assert "/golden/" not in output.replace("see golden-failures/checks/golden/", "")  # the traceback ends in the test
     assert len(list((tmp_path / "golden-failures").rglob("*.html"))) == 5
     assert goldens(tmp_path) == written
+
+
+def test_files_are_named_from_where_pytest_is_called(project, tmp_path):
+    output, _ = project("test_pictures.py::test_noise", folder=tmp_path / "checks")
+    line = "there is no golden/noise.npz: look at the picture, then write it: pytest --update-goldens "
+    assert f"{line}test_pictures.py::test_noise; see ../golden-failures/checks/golden/noise.html" in output
+    output, code = project("--update-goldens", "test_pictures.py::test_noise", folder=tmp_path / "checks")
+    assert code == 0
+    assert "\ngolden/noise.npz and .png\n" in output
+
+
+def test_a_picture_that_is_none_is_told_at_the_line_of_the_test(project):
+    output, _ = project("-k", "0", scale="1.0 + 1j")
+    assert "expected floats or uint8, got complex128" in output
+    assert "light.py" not in output
+
+
+def test_what_is_missing_is_told_in_one_line(project, tmp_path):
+    (tmp_path / "conftest.py").write_text(
+        "import importlib.util as u\nfind = u.find_spec\n"
+        "u.find_spec = lambda name, *rest: None if name == 'skimage' else find(name, *rest)\n"
+    )
+    output, code = project("-k", "noise", plugin=("-p", "conftest", "-p", "raytrace.golden.plugin"))
+    assert code == 1
+    assert '\nthe fixture golden needs scikit-image: pip install "raytrace[golden]"\n' in output
+    assert "Traceback" not in output
 
 
 def test_options_of_the_configuration(project, tmp_path):

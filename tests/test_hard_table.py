@@ -1,4 +1,5 @@
 import json
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,16 @@ from raytrace.reporting.folder import check_folder
 from raytrace.reporting.hard_cases import Outcome, Score
 from raytrace.reporting.hard_rays import cases
 from raytrace.reporting.hard_shadows import shadow_cases
-from raytrace.reporting.hard_table import as_json, failures_table, markdown, text, text_table, write
+from raytrace.reporting.hard_table import (
+    KINDS,
+    as_json,
+    failures_table,
+    kinds_table,
+    markdown,
+    text,
+    text_table,
+    write,
+)
 
 NAN = float("nan")
 
@@ -38,6 +48,19 @@ def test_failures_stand_by_case_and_tracer(outcome):
     ]
 
 
+def test_kinds_add_up_their_cases(outcome):
+    assert kinds_table(outcome) == [
+        ["", "rays", "ours", "other"],
+        ["closed meshes from inside, at edges and vertices", "100", "0", "-"],
+        ["shadow rays from lit floors and spheres", "50", "0", "7s 2t"],
+    ]
+
+
+def test_every_case_is_of_one_kind():
+    for case in (*cases(), *shadow_cases()):
+        assert sum(bool(re.search(pattern, case.name)) for pattern in KINDS.values()) == 1, case.name
+
+
 def test_terminals_get_failures_totals_and_who_is_missing(outcome):
     shown = text(outcome)
     lines = shown.splitlines()
@@ -62,7 +85,7 @@ def test_columns_line_up():
 
 def test_the_page_holds_every_number(outcome):
     page = markdown(outcome)
-    assert page.count("\n## ") == 2
+    assert page.count("\n## ") == 3
     assert "| lit floor, scale 1e-12 |" in page
     assert "1.2e-07 / 2.5e-07" in page
     assert page.endswith("|\n")

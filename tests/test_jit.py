@@ -283,7 +283,7 @@ CHECKED = """
 import sys, numpy as np
 from raytrace.passes.film import accumulate
 try:
-    accumulate(np.zeros(12), 7, np.zeros((2, 4)), 0, 4)
+    accumulate(np.zeros(12), 7, 8, np.zeros((2, 4)), 0, 4)
 except IndexError as error:
     print(error)
 print("numba" in sys.modules)

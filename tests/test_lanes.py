@@ -21,6 +21,7 @@ from raytrace.accel.lanes import (
     lane_min,
     lane_numbers,
     load,
+    load_rows,
     machine_epsilon,
     mask_of,
     maximum,
@@ -252,6 +253,7 @@ def test_plain_functions_mean_what_they_say():
     assert reverse_bits(np.array([1, 3 << 30, 0xF0000001], np.uint32)).tolist() == [1 << 31, 3, 0x8000000F]
     assert power_of_two(np.array([3.99, -0.3, 4, 0, 1e-40], "f4")).tolist() == [2, 0.25, 4, 0, 0]
     assert load(np.arange(9.0), 2, 4).tolist() == [2, 3, 4, 5]
+    assert [column.tolist() for column in load_rows(np.arange(9.0), 1, 2)] == [[1, 4], [2, 5], [3, 6]]
     assert lane_numbers(x).tolist() == [0, 1, 2, 3]
     assert splat_int(-1, 4).tolist() == [-1] * 4
     assert gather(np.arange(9.0), np.array([8, 0], np.int32)).tolist() == [8, 0]
@@ -295,6 +297,11 @@ def whole_kernel(width):
             out_f[4 * size + i] = f[width - 1]
             prefetch(reals, i)
             poke(out_f, 4 * size + i + 1, peek(reals, i))
+            if 3 * (i + width) <= size:
+                rows = load_rows(reals, 3 * i, width)
+                store(out_f, 5 * size + i, rows[0])
+                store(out_f, 6 * size + i, rows[1])
+                store(out_f, 7 * size + i, rows[2])
             sent = load(mask, i, width)
             compress(moved, moved_so_far(mask, i), sent, f)
 
@@ -319,7 +326,7 @@ def test_operations_on_integers_and_moves_are_compiled_to_their_meaning(width, d
     reals, mask = rng.normal(size=n).astype(dtype), rng.random(n) < 0.4
     mask[:16], mask[16:32] = True, False
     outputs = [
-        (np.zeros(12 * n, np.uint32), np.zeros(7 * n, np.int32), np.zeros(5 * n, dtype), np.full(n, 9, dtype))
+        (np.zeros(12 * n, np.uint32), np.zeros(7 * n, np.int32), np.zeros(8 * n, dtype), np.full(n, 9, dtype))
         for _ in "ab"
     ]
     kernel = whole_kernel(width)
@@ -342,6 +349,8 @@ def test_operations_on_integers_and_moves_are_compiled_to_their_meaning(width, d
     assert np.array_equal(out_f[:n], (u >> 8).astype(dtype))
     assert rays.same_bits(out_f[n : 2 * n], reals)
     assert np.array_equal(out_f[2 * n : 3 * n], np.repeat(reals.reshape(-1, width).min(axis=1), width))
+    whole = n // 3 // width * width
+    assert np.array_equal(out_f[5 * n :].reshape(3, n)[:, :whole], reals[: 3 * whole].reshape(whole, 3).T)
     assert np.array_equal(moved, np.concatenate([reals[mask], np.full(n - mask.sum(), 9)]))  # and nothing beyond
 
 

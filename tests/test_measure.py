@@ -7,7 +7,7 @@ import pytest
 
 from raytrace.records import Settings
 from raytrace.rendering import render
-from raytrace.reporting import measure
+from raytrace.reporting import measure, ways
 from raytrace.reporting.error import compare
 from raytrace.reporting.measure import ROUNDS, Sweep
 from raytrace.reporting.reference import Reference
@@ -15,6 +15,7 @@ from raytrace.reporting.ways import Subject, Way, steps_of
 from small_scenes import Part, look, make_scene, quad
 
 SIZE = (12, 10)
+ADAPTIVE = Way("sobol", "float32", adaptive=True)
 SOBOL, DOUBLE, MEDIAN = Way("sobol", "float32"), Way("sobol", "float64"), Way("sobol", "float32", tree="median")
 
 
@@ -164,9 +165,18 @@ def test_a_few_pictures_are_kept_to_be_looked_at(scene):
     assert worst[names[0]] > worst[names[2]] > 0
 
 
+def test_of_errors_that_one_picture_meets_the_smallest_counts(scene, monkeypatch):
+    monkeypatch.setattr(ways, "TARGETS", (0.5, 0.4, 0.01))  # four samples a pixel meet the first two
+    found = sweep(scene, [ADAPTIVE])
+    assert [p.step for p in found.points] == [0.4, 0.01]
+    assert [s.name.rsplit(" ", 1)[1] for s in found.shown] == ["0.4", "0.01"]
+    assert found.points[1].spp > found.points[0].spp == 4
+
+
 def test_progress_never_goes_back_and_ends(scene):
     told = []
-    Sweep(scene, SIZE, truth(scene), 1e9, lambda share, rays: told.append((share, rays))).run([SOBOL, MEDIAN])
+    track = Sweep(scene, SIZE, truth(scene), 1e9, lambda share, rays: told.append((share, rays)))
+    track.run([SOBOL, MEDIAN, ADAPTIVE])
     assert told == sorted(told)
     assert told[-1][0] == 1.0
     assert told[-1][1] > 0

@@ -118,9 +118,13 @@ def test_words_for_what_lacks_say_how_much_and_the_cure():
 @pytest.mark.parametrize(
     ("drawing", "trees", "cure"),
     [
-        (Drawing(2**28, False, False, 4, 2**15), Trees(36, 4, False, True), "a smaller film by --size"),
-        (Drawing(2**10, False, False, 4, 2**15), Trees(2**27, 8, False, True), "simplify the meshes, or take --prec"),
-        (Drawing(2**10, False, False, 4, 2**26), Trees(2**10, 8, True, True), "fewer --threads"),
+        (Drawing(2**28, False, False, 4, 2**15), Trees(36, 1, 4, False, True), "a smaller film by --size"),
+        (
+            Drawing(2**10, False, False, 4, 2**15),
+            Trees(2**27, 1, 8, False, True),
+            "simplify the meshes",
+        ),
+        (Drawing(2**10, False, False, 4, 2**26), Trees(2**10, 1, 8, True, True), "fewer --threads"),
     ],
 )
 def test_what_takes_most_is_what_to_lower(drawing, trees, cure):
@@ -147,10 +151,10 @@ def test_what_was_built_is_not_counted_again():
     from raytrace.stages import trees_of
 
     plan = make_plan(triangles)
-    assert trees_of(triangles, plan, "float32") == Trees(34, 4, False, True)
+    assert trees_of(triangles, plan, "float32") == Trees(34, 1, 4, False, True)
     rt.render(triangles, **ask)
     assert trees_of(triangles, plan, "float32").triangles == 0
-    assert trees_of(triangles, plan, "float64") == Trees(34, 8, False, True)
+    assert trees_of(triangles, plan, "float64") == Trees(34, 1, 8, False, True)
 
 
 @counted
@@ -219,10 +223,20 @@ def test_the_command_line_takes_sizes(tmp_path, monkeypatch, capsys):
 
 def test_from_four_on_the_number_of_samples_does_not_count(monkeypatch):
     asked = []
-    monkeypatch.setattr("raytrace.rendering.check_drawing", lambda drawing, *_: asked.append(drawing))
-    for spp in (1, 3, 4, 16, 64):
-        rt.render(BOX, spp=spp, size=(8, 8))
+
+    def ask(drawing, *_):
+        asked.append(drawing)
+        raise KeyError
+
+    monkeypatch.setattr("raytrace.rendering.check_drawing", ask)
+    for spp in (1, 3, 4, 16, 65536):
+        with pytest.raises(KeyError):
+            rt.render(BOX, spp=spp, size=(512, 512))
     assert asked[2] == asked[3] == asked[4] == asked[0]._replace(bins=4) == asked[1]._replace(bins=4)
+
+
+def test_a_small_picture_takes_little_for_any_number_of_threads():
+    rt.render(BOX, spp=1, size=(16, 16), threads=4096, max_memory=memory.resident() + 2**27)
 
 
 def test_a_picture_keeps_its_pixels_and_not_the_film():

@@ -9,7 +9,7 @@ from raytrace.accel.door import columns_of
 from raytrace.records import Hits, Rays
 from raytrace.rendering import render
 from raytrace.reporting import ways
-from raytrace.reporting.ways import Subject, Way, steps_of, ways_of
+from raytrace.reporting.ways import Subject, Way, steps_of, ways_of, weight_of
 from small_scenes import Part, box, make_scene, studio
 
 SIZE = (24, 24)
@@ -77,16 +77,12 @@ def test_a_large_scene_is_not_drawn_without_a_tree(monkeypatch):
     assert not [way for way in ways_of(studio()) if way.tree == "none"]
 
 
-def test_adaptive_sampling_is_there_where_the_renderer_has_it(monkeypatch):
-    def render(scene, spp=None, target_error=None):
-        """Stand in."""
-
-    monkeypatch.setattr(ways, "render", render)
+def test_adaptive_sampling_aims_at_ever_smaller_errors():
     (way,) = (way for way in ways_of(studio()) if way.adaptive)
     assert way.name == "sobol, adaptive, float64"
     assert list(steps_of(way)) == sorted(steps_of(way), reverse=True)
-    monkeypatch.setattr(ways, "render", lambda scene, spp=None: None)
-    assert not [way for way in ways_of(studio()) if way.adaptive]
+    weights = [weight_of(way, step) for step in steps_of(way)]
+    assert weights == sorted(weights)
 
 
 def test_steps_go_from_1_to_256_samples():

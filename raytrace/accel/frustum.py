@@ -32,7 +32,7 @@ from raytrace.accel.layout import V0, V1, V2
 from raytrace.jit import inlined
 
 HIGH = 3 * NODE  # from the low planes of a node's boxes to the high ones
-ROUNDINGS = 16.0  # machine epsilons of the largest coordinate: more than a triangle test is off by, seen along z
+ROUNDINGS = 16.0  # machine epsilons of the largest coordinate: twice what rounding moves lines and triangles by
 SHORTEST = 2.0**-10  # of the scene's size: the least distance between the two planes
 NARROW_START, NARROW_END = 1.0, 4.0  # sides of a usual leaf: of bundles wider than that, packets get through sooner
 
@@ -126,8 +126,9 @@ def planes_between(extent, dominant, sense, ends, size):
 def make_frusta(extent, dominant, sense, count, work):
     """Frustum of the rays alive of a bundle; those of its groups, a lane each; whether it is narrow enough for use.
 
-    A triangle test is off by what the rounding of sheared vertices and shears amounts to: some machine epsilons of the
-    largest coordinate, for shears are at most 1. A line is shifted by as much, in x and in z.
+    A triangle test is off by the rounding of sheared vertices, a line by that of what it goes through: together by 8
+    machine epsilons of the largest coordinate, for shears are at most 1 (docs/numerics.md). A line is shifted by more,
+    in x and in z.
     """
     ends = heights(count, work)
     largest, size = size_of(extent)

@@ -62,6 +62,12 @@ def load(a, i, like):
     return a[i : i + (like if isinstance(like, int) else len(like))].copy()
 
 
+def load_rows(a, i, like):
+    """x, y, z of rows of three that stand one after the other from element ``i`` on: as ``load``, but three apart."""
+    n = like if isinstance(like, int) else len(like)
+    return tuple(a[i + axis : i + 3 * n : 3].copy() for axis in range(3))
+
+
 def packet(a):
     """A register of zeros for one packet of the array ``a``."""
     return np.zeros(packet_width(a), a.dtype)

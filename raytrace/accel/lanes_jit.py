@@ -49,6 +49,26 @@ def _emit_load(builder, sig, args):
     return builder.trunc(values, vector_of(sig.return_type)) if isinstance(sig.return_type, Mask) else values
 
 
+def _rows_type(a, i, like):
+    return signature(types.UniTuple(Lanes(a.dtype, _count(like)), 3), a, types.int64, like)
+
+
+def _emit_load_rows(builder, sig, args):
+    """Three loads, then for each column what the first two have of it, then what the third has."""
+    at, element, size = _pointer(builder, sig, args)
+    kind = vector_of(sig.return_type.dtype)
+    n = kind.count
+    loads = [builder.load(builder.gep(at, [I64(n * k)], source_etype=element), align=size, typ=kind) for k in range(3)]
+    rows = ir.Constant(ir.ArrayType(kind, 3), ir.Undefined)
+    for axis in range(3):
+        places = range(axis, 3 * n, 3)
+        early = ir.Constant(ir.VectorType(I32, n), [place if place < 2 * n else 0 for place in places])
+        late = ir.Constant(ir.VectorType(I32, n), [k if p < 2 * n else p - n for k, p in enumerate(places)])
+        column = builder.shuffle_vector(builder.shuffle_vector(*loads[:2], early), loads[2], late)
+        rows = builder.insert_value(rows, column, axis)
+    return rows
+
+
 def _emit_store(builder, sig, args):
     at, element, size = _pointer(builder, sig, args)
     values = args[2]
@@ -126,6 +146,9 @@ taught(lambda a, i: signature(types.none, a, types.int64), _emit_prefetch)(lanes
 
 
 taught(_load_type, _emit_load)(lanes.load)
+
+
+taught(_rows_type, _emit_load_rows)(lanes.load_rows)
 
 
 taught(

@@ -33,6 +33,7 @@ from raytrace.accel.lanes import (
     gather,
     lane_numbers,
     load,
+    load_rows,
     machine_epsilon,
     machine_largest,
     mask_of,
@@ -68,6 +69,14 @@ def read(columns, i, axis, n, like):
 
 
 @inlined
+def read_vectors(columns, i, n, like):
+    """x, y, z of rays i, i + 1, ...; past the last ray, those again."""
+    if columns.row == 3 and columns.axis == 1 and i + packet_width(columns.data) <= n:
+        return load_rows(columns.data, columns.start + 3 * i, like)
+    return read(columns, i, 0, n, like), read(columns, i, 1, n, like), read(columns, i, 2, n, like)
+
+
+@inlined
 def pick(columns, rows, axis):
     """Component ``axis`` of rays of any numbers."""
     return gather(columns.data, rows * np.int32(columns.row) + np.int32(columns.start + axis * columns.axis))
@@ -80,8 +89,7 @@ def read_rays(rays, i, n, like):
     Packets with extreme directions have all of theirs scaled to a largest component in [1, 2), by powers of two, which
     is exact. Rays that can't hit (not finite, no length, an empty range, past the last) get tmax = -inf.
     """
-    o = read(rays.o, i, 0, n, like), read(rays.o, i, 1, n, like), read(rays.o, i, 2, n, like)
-    d = read(rays.d, i, 0, n, like), read(rays.d, i, 1, n, like), read(rays.d, i, 2, n, like)
+    o, d = read_vectors(rays.o, i, n, like), read_vectors(rays.d, i, n, like)
     tmin, tmax = read(rays.tmin, i, 0, n, like), read(rays.tmax, i, 0, n, like)
     zero = ((o[0] - o[0]) + (o[1] - o[1]) + (o[2] - o[2])) + ((d[0] - d[0]) + (d[1] - d[1]) + (d[2] - d[2]))
     longest = maximum(maximum(absolute(d[0]), absolute(d[1])), absolute(d[2]))

@@ -86,13 +86,13 @@ def cell_of(x, low, scale, bits):
 def keys_of(rays, i, n, grid, like):
     """Cells of origins in Morton order, then signs and dominant axis of directions."""
     zero = splat_int(0, like)
-    x, y, z = query.read(rays.d, i, 0, n, like), query.read(rays.d, i, 1, n, like), query.read(rays.d, i, 2, n, like)
+    o, (x, y, z) = query.read_vectors(rays.o, i, n, like), query.read_vectors(rays.d, i, n, like)
     ax, ay, az = absolute(x), absolute(y), absolute(z)
     key = select((ax >= ay) & (ax >= az), zero, select(ay >= az, zero + np.int32(8), np.int32(16)))
     key = key | select(x < 0.0, zero + np.int32(1), np.int32(0)) | select(y < 0.0, zero + np.int32(2), np.int32(0))
     key = key | select(z < 0.0, zero + np.int32(4), np.int32(0))
     for axis in range(3):
-        cell = cell_of(query.read(rays.o, i, axis, n, like), grid.low[axis], grid.scale[axis], grid.bits)
+        cell = cell_of(o[axis], grid.low[axis], grid.scale[axis], grid.bits)
         key = key | cell << np.int32(KIND + axis)
     return key
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,32 +12,12 @@ from raytrace.golden.gates import Gates, Verdict, judge
 from raytrace.golden.light import Encoding, to_light
 from raytrace.golden.noise import mean_of
 from raytrace.golden.page import Failure, page
+from raytrace.golden.place import Place
 from raytrace.image import save
 from raytrace.reporting.folder import check_folder, write
 
 LEFT = ".html", ".actual.npz"  # what a failure leaves
-UPDATE = "pytest --update-goldens"
-
-
-class Place(NamedTuple):
-    """Where a test's goldens lie, and where its failures go."""
-
-    folder: Path  # of goldens
-    root: Path  # of the tests
-    failures: Path
-    test: str  # its node id
-
-    def golden(self, name: str) -> Path:
-        """The file of a golden; the name may have folders."""
-        parts = Path(name).parts
-        if not parts or Path(name).is_absolute() or ".." in parts or "\\" in name:
-            raise ValueError(f"name: expected a name like 'box' or 'shapes/box', got {name!r}")
-        return self.folder / f"{name}.npz"
-
-    def left(self, name: str, kind: str) -> Path:
-        """A file that a failure leaves."""
-        inside = self.folder.is_relative_to(self.root)
-        return self.failures / (self.folder.relative_to(self.root) if inside else self.folder.name) / f"{name}{kind}"
+__tracebackhide__ = True  # pytest shows the line of the test, and not how it was found wanting
 
 
 class Golden:
@@ -50,10 +30,16 @@ class Golden:
         Gates that differ from the defaults.
     update : bool
         Write goldens instead of reading them.
+
+    Attributes
+    ----------
+    written : list of Path
+        Goldens written so far.
     """
 
     def __init__(self, place: Place, given: Mapping[str, float | None], update: bool) -> None:
         self.place, self.given, self.update = place, dict(given), update
+        self.written: list[Path] = []
 
     def check(
         self, image: Any, name: str, *, encoding: Encoding = None, pictures: int = 64, **gates: float | None
@@ -94,7 +80,6 @@ class Golden:
         >>> def test_box(golden):
         ...     golden.check(rt.render("scenes/cornell-box.json", spp=4, size=(96, 96)), "cornell-box")
         """
-        __tracebackhide__ = True
         path = self.place.golden(name)
         for kind in LEFT:
             self.place.left(name, kind).unlink(missing_ok=True)  # of an earlier run
@@ -103,17 +88,18 @@ class Golden:
         actual = to_light(image(0) if callable(image) else image, encoding)
         if self.update:
             store.write(path, self._approved(image, actual, pictures, encoding))
+            self.written.append(path)
         golden = store.read(path) if path.exists() else None
         if golden is None:
-            why = f"there is no {self._short(path)}: look at the picture, then write it: {UPDATE} '{self.place.test}'"
-            self._fail(Failure(name, self.place.test, why, actual, None, None))
+            why = f"there is no {self.place.short(path)}: look at the picture, then write it: {self.place.command}"
+            self._fail(Failure(name, self.place, why, actual, None, None))
         if actual.shape != golden.rgb.shape:
             (height, width, _), (tall, wide, _) = actual.shape, golden.rgb.shape
             why = f"the size is {width}x{height} instead of {wide}x{tall}"
-            self._fail(Failure(name, self.place.test, why, actual, golden, None))
+            self._fail(Failure(name, self.place, why, actual, golden, None))
         verdict = judge(actual, golden, self._gates(golden, gates))
         if not verdict:
-            self._fail(Failure(name, self.place.test, "; ".join(verdict.broken), actual, golden, verdict))
+            self._fail(Failure(name, self.place, "; ".join(verdict.broken), actual, golden, verdict))
         return verdict
 
     def _gates(self, golden: store.Approved, called: Mapping[str, float | None]) -> Gates:
@@ -138,13 +124,9 @@ class Golden:
 
     def _fail(self, failure: Failure) -> NoReturn:
         """Leave a page and the picture, and say where, in one line."""
-        __tracebackhide__ = True
         html, npz = (self.place.left(failure.name, kind) for kind in LEFT)
         check_folder(html.parent)
         save(npz, failure.actual)
         write(html.parent, {html.name: page(failure).encode()})
         numbers = "" if failure.verdict is None else f" ({failure.verdict})"
-        raise AssertionError(f"golden {failure.name!r}: {failure.why}{numbers}; see {self._short(html)}")
-
-    def _short(self, path: Path) -> Path:
-        return path.relative_to(self.place.root) if path.is_relative_to(self.place.root) else path
+        raise AssertionError(f"golden {failure.name!r}: {failure.why}{numbers}; see {self.place.short(html)}")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from raytrace.image import load, srgb_decode
 
 Encoding = Literal["linear", "srgb"] | None
+__tracebackhide__ = True  # as in check.py
 
 
 def to_light(picture: Any, encoding: Encoding = None) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from raytrace.golden.gates import Verdict
 from raytrace.golden.noise import noise_of
+from raytrace.golden.place import Place
 from raytrace.golden.store import Approved
 from raytrace.image import LUMINANCE, srgb8
 from raytrace.reporting.error import TILE, ssim_map
@@ -39,7 +40,7 @@ class Failure(NamedTuple):
     """What went wrong."""
 
     name: str
-    test: str  # node id
+    place: Place
     why: str
     actual: NDArray[np.float64]  # (h, w, 3): linear light
     golden: Approved | None  # None: there is none
@@ -56,13 +57,14 @@ def page(failure: Failure) -> str:
     if failure.golden is not None and failure.verdict is not None:
         figures = [f'<div class="row swap">{"".join(figures)}</div>', *_maps(failure.actual, failure.golden)]
         numbers = f"<p><small>Press on one of the first two to see the other.</small></p>{_table(failure.verdict)}"
+    command = f"<p>If it is right as it is now: <code>{escape(failure.place.command)}</code></p>"
     lines = [
         "<!doctype html>",
         f'<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title><style>{STYLE}</style></head>',
-        f"<body><h1>{escape(title)}</h1><p><code>{escape(failure.test)}</code></p>",
+        f"<body><h1>{escape(title)}</h1><p><code>{escape(failure.place.test)}</code></p>",
         f'<p class="why">{escape(failure.why)}</p><div class="row">',
         *figures,
-        f"</div>{numbers}</body><script>{SCRIPT}</script></html>",
+        f"</div>{command}{numbers}</body><script>{SCRIPT}</script></html>",
     ]
     return "\n".join(lines) + "\n"
 

@@ -1,8 +1,10 @@
 """The pytest plugin: options, and the fixture ``golden``. Nothing heavy is imported until a picture is checked."""
 
+import os
+from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -17,6 +19,7 @@ GATES = {  # ini option -> what it limits
     "golden_alpha": "chance of a false alarm of the z-test of a whole noisy picture",
     "golden_max_rejected": "largest share of pixels that may fail the z-test",
 }
+WRITTEN = "golden written"  # property of a test's report, which pytest-xdist brings home
 
 
 def _other_plugin(manager: pytest.PytestPluginManager) -> bool:
@@ -42,16 +45,33 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 @pytest.fixture
-def raytrace_golden(request: pytest.FixtureRequest) -> "Golden":
+def raytrace_golden(request: pytest.FixtureRequest) -> Iterator["Golden"]:
     """Compare pictures with golden ones: ``golden.check(image, "name")``."""
-    from raytrace.golden.check import Golden, Place
+    if find_spec("skimage") is None:
+        pytest.fail('the fixture golden needs scikit-image: pip install "raytrace[golden]"', pytrace=False)
+    from raytrace.golden.check import Golden
+    from raytrace.golden.place import Place
 
     config, root = request.config, request.config.rootpath
     own = str(config.getini("golden_folder"))
     folder = root / own if own else Path(request.path).parent / "golden"
-    place = Place(folder, root, root / str(config.getini("golden_failures")), request.node.nodeid)
+    here, name = config.invocation_params.dir, request.node.nodeid.partition("::")[2]
+    test = f"{os.path.relpath(request.path, here)}::{name}"
+    place = Place(folder, root, root / str(config.getini("golden_failures")), here, test)
     given = {name.removeprefix("golden_"): _limit(config, name) for name in GATES if config.getini(name) is not None}
-    return Golden(place, given, bool(config.getoption("update_goldens")))
+    golden = Golden(place, given, bool(config.getoption("update_goldens")))
+    yield golden
+    request.node.user_properties += [(WRITTEN, place.short(path)) for path in golden.written]
+
+
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    """List the goldens that were written: they are to be looked at."""
+    reports = [report for kind in terminalreporter.stats.values() for report in kind]
+    found = {path for report in reports for name, path in getattr(report, "user_properties", ()) if name == WRITTEN}
+    if found:
+        terminalreporter.section("golden pictures written")
+        for path in sorted(found):
+            terminalreporter.line(f"{path} and .png")
 
 
 class _ShortName:

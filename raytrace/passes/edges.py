@@ -34,6 +34,40 @@ def edges(picture, columns, steps, bends, between):
         store(between, i, least)
 
 
+@kernel
+def weigh(marks, columns, known, width, error):
+    """Squared error of each pixel: its own, and what its neighbours' differences add as far as they bend.
+
+    A step counts only as far as one of the 3 x 3 pixels about it is bent: a slope is no edge.
+
+    Parameters
+    ----------
+    marks : (3 n,) float64 array
+        Steps, bends and what lies between neighbours, as ``edges`` has them: two rows more than the picture above and
+        below, one column before it and at least one behind.
+    columns : int
+        Pixels of a row of those.
+    known : (3 (m + packet),) float64 array
+        Pixels of the picture, row after row: their own error, and by what the differences between and the steps count.
+    width : int
+        Pixels of a row of the picture.
+    error : (m + packet,) float64 array
+        Is given them; what is behind the last pixel means nothing.
+    """
+    like, lanes = packet(error), packet_width(error)
+    n, m = len(marks) // 3, len(error)
+    for row in range(n // columns - 4):
+        for x in range(0, width, lanes):
+            at, i = row * width + x, (row + 2) * columns + x + 1
+            bent = like
+            for above in (i - columns, i, i + columns):
+                for k in range(above - 1, above + 2):
+                    bent = maximum(load(marks, n + k, like), bent)
+            step, between = minimum(load(marks, i, like), bent), minimum(load(marks, 2 * n + i, like), bent)
+            total = load(known, at, like) + load(known, m + at, like) * between
+            store(error, at, total + load(known, 2 * m + at, like) * step)
+
+
 @inlined
 def _differences(picture, m, i, away, like):
     before = after = second = like

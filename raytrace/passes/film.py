@@ -26,6 +26,20 @@ class Film(NamedTuple):
     error: NDArray[np.float64]  # (m,): squared, as shown: of sRGB clipped to 0..1, mean of the channels; NaN: unknown
 
 
+class Frame(NamedTuple):
+    """What is known of the pixels of a window, row after row."""
+
+    rgb: NDArray[np.float32]  # (m, 3): mean radiance, at most the largest float32; 0 without a sample
+    samples: NDArray[np.int32]  # (m,)
+    variance: NDArray[np.float64]  # (m,): as of a film
+    error: NDArray[np.float64]  # (m,): as of a film
+
+
+def make_frame(pixels: int) -> Frame:
+    """Room for so many pixels."""
+    return Frame(np.empty((pixels, 3), np.float32), np.empty(pixels, np.int32), *np.empty((2, pixels)))
+
+
 def make_film(pixels: int) -> Film:
     """Film of so many pixels, and as many more as fill the last packet; without a sample."""
     m = -(-pixels // PACKET) * PACKET
@@ -46,15 +60,6 @@ def put(film: Film, pixels: NDArray[np.int64], part: Film) -> None:
         column[pixels] = values[:m]
 
 
-def means(film: Film, pixels: int) -> NDArray[np.float64]:
-    """Mean radiance (3, pixels) of the first pixels, at most the largest float32; 0 without a sample."""
-    bins = film.sums.reshape(BINS, 3, -1)[..., :pixels]
-    total = bins[0] + bins[1]
-    total += bins[2] + bins[3]
-    total /= np.maximum(film.samples[:pixels], 1)
-    return np.minimum(total, MOST, out=total)
-
-
 def bin_counts(samples):
     """Samples in each bin (4, m), for the numbers of samples (m,) of pixels."""
     samples = np.asarray(samples, np.int64)
@@ -71,23 +76,23 @@ def bin_of(sample):
 
 
 @kernel
-def accumulate(radiance, first, sums, begin, m):
+def accumulate(radiance, first, last, sums, begin, m):
     """Add samples to pixels.
 
     Parameters
     ----------
     radiance : (3n,) f array
-        Sample after sample, each of m pixels.
-    first : int
-        Number of the first sample.
+        Sample after sample, each of m pixels; there may be more.
+    first, last : int
+        Number of the first sample, and of the one after the last.
     sums : (12, p) float64 array
         Of red, green and blue of pixels, bin after bin.
     begin, m : int
         The first pixel, and how many.
     """
     n, end = len(radiance) // 3, begin + m
-    for i in range(n // m):
-        sample = first + i
+    for sample in range(first, last):
+        at = (sample - first) * m
         if sample >= BINS and sample & (sample - 1) == 0:
             for k in range(3):
                 for j in range(begin, end):
@@ -96,6 +101,28 @@ def accumulate(radiance, first, sums, begin, m):
                     sums[6 + k, j] = sums[9 + k, j] = 0.0
         row = 3 * bin_of(sample)
         for k in range(3):
-            channel, total = radiance[k * n + i * m : k * n + (i + 1) * m], sums[row + k, begin:end]
+            channel, total = radiance[k * n + at : k * n + at + m], sums[row + k, begin:end]
             for j in range(m):
                 total[j] += np.float64(channel[j])
+
+
+@kernel
+def develop(film, at, frame):
+    """Put what is known of the pixels of a film where they belong in a picture.
+
+    Parameters
+    ----------
+    film : Film
+    at : (m,) int64 array
+        Place in the picture of each of the first m pixels.
+    frame : Frame
+    """
+    sums, samples, variance, error = film
+    rgb, numbers, variances, errors = frame
+    for i in range(len(at)):
+        j = at[i]
+        for k in range(3):
+            total = (sums[k, i] + sums[3 + k, i]) + (sums[6 + k, i] + sums[9 + k, i])
+            mean = total / max(samples[i], 1)
+            rgb[j, k] = np.float32(MOST if mean > MOST else mean)
+        numbers[j], variances[j], errors[j] = samples[i], variance[i], error[i]

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,28 @@ LEGEND = """\
 w: a hit or miss that the exact answer contradicts beyond a backward error of {bound} eps x distance; l: a leak, between
 equally facing neighbours or out of a closed mesh; s: a lit point that shadows itself; t: light through a wall; a dash:
 not asked, for the tracer knows no tmin and tmax."""
+
+KINDS = {  # of cases, by what their names match
+    "closed meshes from inside, at edges and vertices": ", from inside$",
+    "closed meshes from outside, at edges and vertices": ", from outside$",
+    "lattice rays, along axes, in slab planes": "^lattice|^axes",
+    "components denormal or all but zero": "^denormal|^all but along",
+    "origins on surfaces and in box planes": "^origins (on|in)",
+    "triangles without area": "^no area",
+    "slivers, aspect 1e6 to 1e9": "^slivers",
+    "sizes 1e-12 to 1e12": "^scale",
+    "translations 10 to 1e7": "^translation",
+    "origins 1e2 to 1e12 away": "^origins .* away",
+    "directions 1e-20 to 1e20 long": "^directions",
+    "grazing at 1e-7 rad": "^grazing",
+    "huge beside tiny": "^huge",
+    "overlaps and 10,000 duplicates": "overlaps$|duplicates$",
+    "intervals, rays not finite": "interval$|not finite$",
+    "shadow rays from lit floors and spheres": "^lit",
+    "a wall 1e-4 of the scene before the point": "^wall at (the|a) floor",
+    "a wall 1e-4 of the scene before the light": "^wall at the light",
+    "shadow rays to a light on a ceiling": "^light on",
+}
 
 
 def failures(score: Score | None) -> str:
@@ -37,6 +60,20 @@ def totals_table(outcome: Outcome) -> list[list[str]]:
     header = ["", "rays", "wrong (w)", "leaks (l)", "self-shadows (s)", "through walls (t)", "worst t", "worst u, v"]
     rows = [(f"{tracer.name} ({tracer.version})", outcome.total(tracer)) for tracer in outcome.tracers]
     return [header, *([name, *map(str, score[:5]), *map(_error, score[5:])] for name, score in rows)]
+
+
+def kinds_table(outcome: Outcome) -> list[list[str]]:
+    """One row a kind of cases: rays, and the failures of each tracer."""
+    rows = [["", "rays", *(tracer.name for tracer in outcome.tracers)]]
+    for kind, pattern in KINDS.items():
+        names = {case.name for case in outcome.cases if re.search(pattern, case.name)}
+        if not names:
+            continue
+        scores = {key: score for key, score in outcome.scores.items() if key[0] in names}
+        totals = [outcome._replace(scores=scores).total(tracer) for tracer in outcome.tracers]
+        found = [failures(total if total.rays else None) for total in totals]
+        rows.append([kind, str(max(total.rays for total in totals)), *found])
+    return rows
 
 
 def failures_table(outcome: Outcome) -> list[list[str]]:
@@ -87,7 +124,9 @@ def markdown(outcome: Outcome) -> str:
     parts = [
         f"# Hard cases, raytrace {raytrace.__version__}",
         text_table(totals_table(outcome), markdown=True),
-        "## Failures",
+        "## Failures by kind of case",
+        text_table(kinds_table(outcome), markdown=True),
+        "## Failures by case",
         legend(outcome),
         text_table(failures_table(outcome), markdown=True),
         "## Worst errors of well-conditioned hits: t, relative / u and v",

@@ -210,14 +210,17 @@ class Sweep:
             if way in closed:
                 self._leave_out(way, [step], closed[way])
                 continue
+            before = last.get(way)
             last[way] = task = _Task(subject, step, peaks[way])
             self._draw(task, 0)
             if task.errors[0].rmse_srgb < JUDGED * self.reference.error:
                 closed[way] = self._unjudged()
                 self._done -= weight_of(way, step)
                 self._leave_out(way, [step], closed[way])
-            else:
-                self.tasks.append(task)
+                continue
+            if way.adaptive and before and before.errors == task.errors:
+                self._forget(before)
+            self.tasks.append(task)
 
     def _draw(self, task: _Task, number: int) -> None:
         began = time.perf_counter()
@@ -240,8 +243,13 @@ class Sweep:
         way = task.subject.way
         if way.adaptive or task.step in SHOWN_SPP:
             error = np.abs(screen(image.rgb) - screen(self.reference.rgb)).max(axis=2)
-            step = f"error {task.step:g}" if way.adaptive else f"{task.step:g} spp"
-            self.shown.append(Shown(f"{way.name}, {step}", srgb8(image.rgb), error.astype(np.float32)))
+            self.shown.append(Shown(_name(task), srgb8(image.rgb), error.astype(np.float32)))
+
+    def _forget(self, task: _Task) -> None:
+        """Drop an error that was aimed at where a smaller one gave the same picture: both are met at once."""
+        self.tasks.remove(task)
+        self.shown = [shown for shown in self.shown if shown.name != _name(task)]
+        self._done += (ROUNDS - 1) * weight_of(task.subject.way, task.step)
 
     def _pair(self, task: _Task, image: Render) -> None:
         """Compare both precisions where they drew the same samples."""
@@ -277,6 +285,11 @@ class Sweep:
     def _unjudged(self) -> str:
         off = f"{self.reference.error:.1e}"
         return f"too accurate for a reference that is itself off by {off}; a larger budget makes a better one"
+
+
+def _name(task: _Task) -> str:
+    way = task.subject.way
+    return f"{way.name}, " + (f"error {task.step:g}" if way.adaptive else f"{task.step:g} spp")
 
 
 def _whole(image: Render) -> Render:

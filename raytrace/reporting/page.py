@@ -25,7 +25,7 @@ h1 { margin: 0; } h2 { margin: 1.4em 0 .4em; }
 .both img.b { position: absolute; inset: 0; height: 100%; }
 .both i { position: absolute; top: 0; bottom: 0; width: 2px; margin-left: -1px; background: #fff;
   box-shadow: 0 0 3px #000; }
-select, input { font: inherit; } input[type=range] { width: 100%; }
+select, input { font: inherit; } input[type=range] { width: 100%; margin: 0; }
 .scale { height: .8em; } .scale + div { display: flex; justify-content: space-between; font-size: .8em; }
 table { border-collapse: collapse; font-size: .72em; } td, th { padding: .15em .6em; text-align: right; }
 td:first-child { text-align: left; } tr.front { background: #fff3d6; } tr:hover { outline: 1px solid #888; }
@@ -105,8 +105,9 @@ def _slider(report: Any) -> str:
     return f"""<h2>Pictures and their errors</h2>
 <p><select id="one" aria-label="left picture"></select> on the left of the line,
 <select id="other" aria-label="right picture"></select> on the right</p>
+<div class="pair"><div>{both.format("picture")}
 <input type="range" id="where" min="0" max="100" step="0.1" value="50" aria-label="where the line is">
-<div class="pair"><div>{both.format("picture")}<small>the pictures</small></div>
+<small>the pictures; pull the line across</small></div>
 <div>{both.format("error")}<div class="scale" style="background: linear-gradient(to right, {ramp})"></div>
 <div><span>error 0.0001</span><span>0.001</span><span>0.01</span><span>0.1</span><span>1</span></div>
 <small>largest difference of a channel from the reference, sRGB</small></div></div>

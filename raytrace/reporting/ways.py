@@ -1,8 +1,7 @@
 """The ways of drawing a scene that the report on speed and error compares."""
 
-import inspect
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -56,9 +55,7 @@ def ways_of(scene: Scene) -> list[Way]:
     first = make_plan(scene).precision.name
     other = "float64" if first == "float32" else "float32"
     ways = [Way(sampler, first) for sampler in SAMPLERS]
-    ways.append(Way("sobol", other))
-    if "target_error" in inspect.signature(render).parameters:
-        ways.append(Way("sobol", first, adaptive=True))
+    ways += [Way("sobol", other), Way("sobol", first, adaptive=True)]
     ways += [Way("sobol", first, triangle="moller-trumbore"), Way("sobol", first, tree="median")]
     if len(scene.mesh.faces) <= FEW_TRIANGLES:
         ways.append(Way("sobol", first, tree="none"))
@@ -74,7 +71,7 @@ def steps_of(way: Way) -> tuple[float, ...]:
 
 def weight_of(way: Way, step: float) -> float:
     """How much work a step is, beside others: samples per pixel, or a guess of them."""
-    return TARGETS[0] / step * FEW_SPP[0] if way.adaptive else step
+    return max(TARGETS[0] / step, FEW_SPP[0]) if way.adaptive else step
 
 
 class Subject:
@@ -94,9 +91,8 @@ class Subject:
     def draw(self, step: float, seed: int) -> Render:
         """Draw one picture."""
         aim = {"spp": ADAPTIVE_CAP, "target_error": step} if self.way.adaptive else {"spp": int(step)}
-        return render(
-            self.scene, size=self.size, seed=seed, precision=self.way.precision, sampler=self.way.sampler, **aim
-        )
+        how: dict[str, Any] = {"precision": self.way.precision, "sampler": self.way.sampler, "progress": False}
+        return render(self.scene, size=self.size, seed=seed, **how, **aim)
 
 
 def _trees(stage: Stage) -> list[BVH]:

@@ -72,6 +72,11 @@ def make_scene(
     )
 
 
+def fingerprint(scene: Scene) -> str:
+    """The hash that a scene has, or should have: of what the light does in it."""
+    return _hash(scene.camera, scene.settings.max_depth, scene.background, scene.materials, scene.lights, scene.mesh)
+
+
 def _place_all(scene: Any, reach: Reach) -> tuple[list[Placed], list[Problem]]:
     """Read each mesh file once, and put it where the objects want it."""
     rows = {name: row for row, name in enumerate(scene.materials)}

@@ -1,7 +1,8 @@
 """Pictures of the algorithm, as ``rt.show``: what the tree, a ray, a sampler and an error look like.
 
 Each function returns a ``Drawing``: it shows itself in a notebook, saves itself as PNG or SVG, and holds the numbers
-that it shows. They need matplotlib: ``pip install "raytrace[report]"``.
+that it shows. They need matplotlib: ``pip install "raytrace[report]"``. ``live`` is a widget, and needs anywidget:
+``pip install "raytrace[notebook]"``.
 """
 
 from importlib import import_module
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from raytrace.show.journey import path
     from raytrace.show.levels import bvh
     from raytrace.show.points import samples
+    from raytrace.show.viewer import live
 
 _HOME = {
     "Drawing": "drawing",
@@ -22,11 +24,12 @@ _HOME = {
     "convergence": "curves",
     "error": "difference",
     "heatmap": "cost",
+    "live": "viewer",
     "path": "journey",
     "samples": "points",
 }
 
-__all__ = ["Drawing", "bvh", "convergence", "error", "heatmap", "path", "samples"]
+__all__ = ["Drawing", "bvh", "convergence", "error", "heatmap", "live", "path", "samples"]
 
 
 def __getattr__(name: str) -> Any:

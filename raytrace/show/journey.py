@@ -118,7 +118,7 @@ def _picture(axes: Any, subject: Subject, pixel: tuple[int, int]) -> None:
     width, height = subject.settings.size
     scale = min(SIDE / max(width, height), 1.0)
     small = max(round(scale * width), 1), max(round(scale * height), 1)
-    show_picture(axes, srgb8(render(subject.scene, spp=4, size=small).rgb))
+    show_picture(axes, srgb8(render(subject.scene, spp=4, size=small, progress=False).rgb))
     at = [
         (number + 0.5) * part / whole - 0.5 for number, part, whole in zip(pixel, small, (width, height), strict=True)
     ]

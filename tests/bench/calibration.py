@@ -6,8 +6,12 @@ import numpy as np
 from harness import ROOT, begin, finish, parser, show, table
 
 import raytrace as rt
-from raytrace.passes.estimate import LUMINANCE
-from raytrace.records import Scene
+from raytrace.adaptive import Search
+from raytrace.parts import curve
+from raytrace.passes.edges import weigh
+from raytrace.passes.estimate import LUMINANCE, MODELS
+from raytrace.passes.film import make_film
+from raytrace.records import Scene, Window
 from raytrace.reporting.error import screen
 
 SCENES = "cornell-box", "room", "glass-sphere"
@@ -53,11 +57,31 @@ def wanted(scene: Scene, truth: np.ndarray, target: float, seeds: int) -> dict[s
     return {"target": target, "actual": actual, "worst": max(errors), "spp": spp, "most": most, "alike": needed}
 
 
+def foretold(scene: Scene, truth: np.ndarray, seeds: int) -> dict[int, float]:
+    """By samples a pixel: error times samples^order, over what neighbours' differences say of edges (``EDGE``)."""
+    height, width = truth.shape[:2]
+    window = Window(0, 0, width, height)
+    at, model = curve(window), MODELS["sobol"]
+    search = Search(make_film(len(at)), at, window, model, target=1.0, cap=1)
+    search.show(np.s_[:], screen(truth).reshape(-1, 3)[at].T)
+    search._mark()
+    known = np.zeros_like(search._known)
+    known[1] = 1.0  # what lies between neighbours, and nothing else
+    weigh(search._edges.reshape(-1), search._columns, known.reshape(-1), width, search._error)
+    between = search._error[: len(at)].mean()
+    found = {}
+    for spp in COUNTS:
+        pictures = [rt.render(scene, spp=spp, size=(width, height), seed=seed) for seed in range(seeds)]
+        mse = np.mean([rmse(picture, truth) ** 2 for picture in pictures])
+        found[spp] = float(mse * spp**model.order / between)
+    return found
+
+
 def main() -> None:
     options = parser(__doc__, rounds=8)
     options.add_argument("--size", type=int, default=96, help="pixels: side of the film (%(default)s)")
     args = options.parse_args()
-    found, intervals, targets = begin(), [], []
+    found, intervals, targets, edges = begin(), [], [], []
     for name in SCENES:
         scene = rt.load(ROOT / f"scenes/{name}.json")
         truth = rt.render(scene, spp=TRUTH, size=(args.size, args.size), seed=TRUTH_SEED).rgb.astype(np.float64)
@@ -65,6 +89,7 @@ def main() -> None:
             rows = [stated(scene, truth, sampler, spp, args.rounds) for spp in COUNTS]
             intervals += [{"scene": name} | row for row in rows]
         targets += [{"scene": name} | wanted(scene, truth, target, args.rounds) for target in TARGETS[name]]
+        edges.append([name, *foretold(scene, truth, args.rounds).values()])
     show(f"Share of pixels whose 95 % interval holds the truth, and stated over actual error; {args.rounds} seeds:\n")
     cells = {
         (row["scene"], row["sampler"], row["spp"]): f"{row['held']:.1%}, {row['stated / actual']:.2f}"
@@ -76,7 +101,9 @@ def main() -> None:
     )
     show("Wanted errors; samples a pixel, mean and most, and what all pixels alike need for the actual error:\n")
     table(list(targets[0]), (list(row.values()) for row in targets))
-    finish(args, found, {"intervals": intervals, "targets": targets})
+    show("Error of pixels times samples^order, over what their neighbours' differences say of edges:\n")
+    table(["spp", *map(str, COUNTS)], edges)
+    finish(args, found, {"intervals": intervals, "targets": targets, "edges": edges})
 
 
 if __name__ == "__main__":

@@ -24,12 +24,13 @@ from raytrace.reporting.folder import check_folder
 from raytrace.reporting.measure import Point, Sweep
 from raytrace.reporting.reference import make_reference
 from raytrace.reporting.sweep import written
-from raytrace.reporting.ways import Subject, Way
+from raytrace.reporting.ways import SPP, Subject, Way, steps_of
 
 PEER = "Mitsuba "  # before the names of its samplers
 PEER_SAMPLERS = "multijitter", "ldsampler", "orthogonal", "stratified", "independent"
 ADAPTIVE, UNIFORM = Way("sobol", "float32", adaptive=True), Way("sobol", "float32")
 ERRORS = 1e-3, 4e-4, 1.4e-4  # RMSE on a screen that the table asks for
+COUNTS = 16, 64, 256  # samples per pixel whose errors are tabled
 COLD = """
 import sys, mitsuba as mi
 sys.path[:0] = [{bench!r}, {root!r}]
@@ -53,7 +54,7 @@ class PeerSubject:
         """Draw one picture, and say of it what ``Render`` says; its rays are not counted."""
         spp = int(step)
         if self.way.sampler.endswith("orthogonal"):  # it wants the square of a prime
-            spp = next(prime**2 for prime in (2, 3, 5, 7, 11, 13, 17) if prime**2 >= step)
+            spp = next(prime**2 for prime in (2, 3, 5, 7, 11, 13, 17, 19, 23) if prime**2 >= step)
         rgb = self._picture(spp, seed).numpy().reshape(*self.size[::-1], 3)
         stats = {"compile_seconds": 0.0, "rays": {}, "samples": spp * rgb.shape[0] * rgb.shape[1]}
         return SimpleNamespace(rgb=rgb, stderr=rgb[..., 0], stats=stats, interrupted=False)
@@ -61,6 +62,11 @@ class PeerSubject:
 
 def subject(scene: Scene, way: Way, size: tuple[int, int]) -> Any:
     return (PeerSubject if way.sampler.startswith(PEER) else Subject)(scene, way, size)
+
+
+def steps(way: Way) -> tuple[float, ...]:
+    """As many samples per pixel as the smallest error asks of every sampler that is worth a look."""
+    return steps_of(way) if way.adaptive else (*SPP, 2 * SPP[-1])
 
 
 def sweep(scene: Scene, size: tuple[int, int], folder: Path, ways: list[Way]) -> list[Point]:
@@ -100,6 +106,11 @@ def ratios(points: list[Point]) -> list[dict[str, Any]]:
         row["uniform spp"], row["adaptive spp"] = spp.get(UNIFORM), spp.get(ADAPTIVE)
         rows.append(row)
     return rows
+
+
+def told(point: Point) -> str:
+    """Error on a screen, and the samples per pixel where they are not those that were asked for."""
+    return f"{point.rmse_srgb:.2e}" + (f" ({point.spp:g} spp)" if point.spp != point.step else "")
 
 
 def plot(content: dict[str, Any], path: Path) -> None:
@@ -157,7 +168,7 @@ def options() -> Namespace:
 
 def main() -> None:
     args, found = options(), begin()
-    measure.ROUNDS = args.rounds
+    measure.ROUNDS, measure.steps_of = args.rounds, steps
     peers, missing = available()
     samplers = PEER_SAMPLERS if Mitsuba in peers else ()
     if not samplers:
@@ -172,8 +183,8 @@ def main() -> None:
         content = json.loads((folder / "report.json").read_text())
         plot(content, folder / "error.png")
         rows = ratios(points)
-        table(["way", *map(str, (16, 64, 256))],
-              ([way.name, *(p.rmse_srgb for p in points if p.way == way and p.step in (16, 64, 256))]
+        table(["way", *map(str, COUNTS)],
+              ([way.name, *(told(p) for p in points if p.way == way and p.step in COUNTS)]
                for way in ways if not way.adaptive))  # fmt: skip
         table(list(rows[0]), (list(row.values()) for row in rows))
         table(["way", "order", "low", "high"],

@@ -134,6 +134,7 @@ def mitsuba() -> Any:
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")
+    mi.set_log_level(mi.LogLevel.Error)  # some samplers warn whenever they round the number of samples
     return mi
 
 

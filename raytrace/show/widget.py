@@ -1,0 +1,121 @@
+"""``Viewer``: the widget that ``live`` gives. The browser's half is widget.js."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from anywidget import AnyWidget
+from traitlets import Dict, Float, Int, List, TraitError, Unicode, validate
+
+from raytrace.errors import RaytraceError
+from raytrace.limits import MAX_SPP
+from raytrace.records import Scene
+from raytrace.rendering import render
+from raytrace.scene.make import fingerprint
+from raytrace.show.artist import Artist, Frame
+from raytrace.show.journey import path
+from raytrace.show.knobs import Knobs, changed, refractive
+from raytrace.show.subject import Subject
+
+STILL = 16  # samples a pixel of the picture that stands in where widgets do not run
+CLOSEST, FARTHEST = 0.05, 20.0  # distances, of the scene's own
+
+
+class Viewer(AnyWidget):
+    """A scene in the hand; made by ``rt.show.live``.
+
+    Attributes
+    ----------
+    azimuth, elevation : float, degrees
+        How far the camera has been turned around what it looks at.
+    distance : float
+        Of the camera from there, in its first distance.
+    power : float
+        By which all fluxes are multiplied.
+    ior : dict of str to float
+        Index of refraction by name of a material; all others stay.
+    spp : int
+        Samples per pixel when the hand rests.
+    scene : Scene
+        As it is shown, with its size and samples, to be drawn or explained: ``rt.render(viewer.scene)``.
+
+    Examples
+    --------
+    >>> import raytrace as rt
+    >>> viewer = rt.show.live("scenes/cornell-box.json", spp=16)
+    >>> viewer.azimuth = 30
+    >>> viewer.scene.camera.position.round(2).tolist(), viewer.scene.settings.spp
+    ([3.4, 1.0, 5.89], 16)
+    """
+
+    _esm = Path(__file__).with_name("widget.js")
+    _css = Path(__file__).with_name("widget.css")
+    azimuth = Float(0.0).tag(sync=True)
+    elevation = Float(0.0).tag(sync=True)
+    distance = Float(1.0, min=CLOSEST, max=FARTHEST).tag(sync=True)
+    power = Float(1.0, min=0.0).tag(sync=True)
+    ior = Dict().tag(sync=True)
+    spp = Int(64, min=1, max=MAX_SPP).tag(sync=True)
+    size = List(Int()).tag(sync=True)
+    lights = Int().tag(sync=True)
+    first_ior = Dict().tag(sync=True)
+    about = Unicode().tag(sync=True)
+
+    def __init__(self, subject: Subject, spp: int) -> None:
+        scene = subject.scene
+        self._subject, self._own = subject, refractive(scene)
+        self._artist = Artist(self._now, self._frame, self._trouble)
+        lights = len(scene.lights.flux)
+        super().__init__(
+            spp=spp, ior=self._own, first_ior=self._own, size=subject.settings.size, lights=lights, about=scene.about
+        )
+        self.observe(lambda _: self._artist.draw(), list(Knobs._fields))
+        self.on_msg(self._hear)
+
+    @validate("ior")
+    def _check_ior(self, proposal: Any) -> dict[str, float]:
+        """Keep what isn't given as it is in the scene."""
+        for name, value in proposal["value"].items():
+            if name not in self._own:
+                raise TraitError(f"ior: no refractive material {name!r}; there are {', '.join(self._own) or 'none'}")
+            if not 0 < value < float("inf"):
+                raise TraitError(f"ior: {name}: expected a number above 0, got {value!r}")
+        return self._own | proposal["value"]
+
+    @property
+    def scene(self) -> Scene:
+        """The scene as it is shown."""
+        scene = self._now()
+        return replace(scene, sha256=fingerprint(scene))
+
+    def _now(self) -> Scene:
+        return changed(self._subject, Knobs(*(getattr(self, name) for name in Knobs._fields)))
+
+    def _hear(self, _viewer: Any, message: dict[str, Any], _buffers: Any) -> None:
+        """Do what the browser asks for."""
+        if message["kind"] == "draw":
+            self._artist.draw()
+        elif message["kind"] == "path":
+            try:
+                drawing = path(self._now(), tuple(message["pixel"]))
+            except RaytraceError as error:
+                self._trouble(error)
+            else:
+                self.send({"kind": "path", "html": drawing._repr_html_()})
+
+    def _frame(self, frame: Frame) -> None:
+        self.send({"kind": "frame", "type": frame.kind, "samples": frame.samples}, [frame.data])
+
+    def _trouble(self, error: RaytraceError) -> None:
+        self.send({"kind": "trouble", "text": str(error)})
+
+    def __repr__(self) -> str:
+        return f"<Viewer of {self._subject.name}: {self.size[0]}x{self.size[1]}, {self.spp} spp>"
+
+    def _repr_mimebundle_(self, **options: Any) -> Any:
+        """What a notebook shows, and keeps: the widget, and a picture for where widgets do not run."""
+        bundle = super()._repr_mimebundle_(**options)
+        if bundle is None:  # the view has been closed
+            return None
+        still = render(self._now(), spp=min(self.spp, STILL), progress=False)
+        return bundle[0] | {"image/png": still._repr_png_()}, bundle[1]
