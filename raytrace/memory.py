@@ -19,13 +19,13 @@ GROUPS = (
 )
 
 # bytes that a reader takes at most for each byte of a file, and for each word of a text
-READING = {".obj": (3, 70), ".ply": (7, 0), ".stl": (3, 0), ".glb": (6, 0)}
-READING_TEXT = {".obj": (3, 70), ".ply": (3, 50), ".stl": (3, 45)}
+READING = {".obj": 3, ".ply": 7, ".stl": 3, ".glb": 6}
+TEXT = {".obj": (3, 85), ".ply": (3, 57), ".stl": (3, 52)}
 CORNERS, VERTEX = 24, 24  # of three indices, and of a point
 JOINED, SMOOTH = 36, 72  # of a triangle in a scene, and of its shading normals
 JOINING, AVERAGING = 175, 390  # while that is made: of the triangles of the largest object
 TREE, BUILDING = {4: 105, 8: 260}, {4: 215, 8: 460}  # of a triangle by bytes of a number: a tree, and while it is built
-PIXEL, BIN, LAYERS, SEARCH = 112, 24, 45, 67  # of a pixel: film and picture; a bin; layers; a wanted error
+PIXEL, BIN, LAYERS, SEARCH = 82, 24, 58, 112  # of a pixel: film and picture; a bin; layers; a wanted error
 SAMPLE, REFRACTED, SHADOW = 26, 18, 16  # numbers of a sample in flight: always, if it may be refracted, of each light
 FIXED = 2**25  # bytes: code and threads
 
@@ -130,8 +130,10 @@ def size(number: float) -> str:
 
 def of_reading(kind: str, length: int, words: int | None = None) -> float:
     """Bytes to read a mesh file of so many bytes; a text of so many words; None: not known yet, at least."""
-    each, word = READING[kind] if words is None else READING_TEXT[kind]
-    return each * length + word * (words or 0)
+    if words is None:
+        return READING[kind] * length
+    each, word = TEXT[kind]
+    return each * length + word * words
 
 
 class Joining(NamedTuple):
