@@ -8,6 +8,7 @@ import os
 import threading
 import zipfile
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,12 +23,24 @@ if hasattr(os, "register_at_fork"):  # no child may begin in the midst of that
     os.register_at_fork(before=_mute.acquire, after_in_parent=_mute.release, after_in_child=_mute.release)
 
 
+class RefusedError(ValueError):
+    """A picture that there is no room for, or that is none."""
+
+
+def content(path: Path) -> bytes:
+    """Content of a picture file, if it is one and not too large."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise RefusedError("no regular file; name a picture")
+    _afford(1, path.stat().st_size)
+    return path.read_bytes()
+
+
 def _afford(pixels: int, each: float) -> None:
     """Refuse a picture that is too large, before anything is made of it; each: bytes a pixel."""
     if pixels > MAX_PIXELS:
-        raise ValueError(f"it has {pixels:,} pixels; at most {MAX_PIXELS:,}")
+        raise RefusedError(f"it has {pixels:,} pixels; at most {MAX_PIXELS:,}")
     if lacks := Allowance().lacks(pixels * each, "scale it down"):
-        raise ValueError(lacks.partition(", or ")[0])
+        raise RefusedError(lacks.partition(", or ")[0])
 
 
 def read_png(data: bytes) -> Contents:

@@ -164,7 +164,9 @@ def load(path: str | os.PathLike[str]) -> Picture:
     path = Path(path)
     read = {".png": decoding.read_png, ".exr": decoding.read_exr, ".npz": decoding.read_npz}[suffix_of(path)]
     try:
-        arrays, provenance = read(path.read_bytes())
+        arrays, provenance = read(decoding.content(path))
+    except decoding.RefusedError as error:
+        raise FileError(f"{path}: {error}") from None
     except OSError as error:  # with a strerror: of the system; without: Pillow's
         raise FileError(f"{path}: can't be read: {error.strerror or 'not a whole picture'}") from error
     except BROKEN as error:

@@ -18,9 +18,8 @@ GROUPS = (
     ("memory", "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
 )
 
-# bytes that a reader takes at most for each byte of a file, and for each word of a text
-READING = {".obj": 3, ".ply": 7, ".stl": 3, ".glb": 6}
-TEXT = {".obj": (3, 85), ".ply": (3, 57), ".stl": (3, 52)}
+READING = {".obj": 3, ".ply": 7, ".stl": 3, ".glb": 6}  # bytes to read a byte of a file
+TEXT = {".obj": (3, 85), ".ply": (3, 57), ".stl": (3, 52)}  # and a byte of a text, and a word of it
 CORNERS, VERTEX = 24, 24  # of three indices, and of a point
 JOINED, SMOOTH = 36, 72  # of a triangle in a scene, and of its shading normals
 JOINING, AVERAGING = 175, 390  # while that is made: of the triangles of the largest object
