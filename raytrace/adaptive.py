@@ -66,8 +66,10 @@ class Search:
         for channel, values in zip(self._picture, shown, strict=True):
             channel[spot] = values[: len(spot)]
 
-    def parts(self) -> list[Part]:
+    def parts(self, at_least: int = 0) -> list[Part]:
         """Take in what the last round found; what to draw next, or nothing if the target is met or none may have more.
+
+        A part has at least so many pixels, where so many want the same.
 
         All sums are over pixels in the order of the picture, so that they do not depend on that of the film.
         """
@@ -80,7 +82,7 @@ class Search:
         self._new = new = np.flatnonzero(doublings)
         chosen = np.sort(self._place[new])
         before, times = self.film.samples[chosen], doublings[self._at[chosen]]
-        return list(grown(chosen, before, np.minimum(before << times, self.cap)))
+        return list(grown(chosen, before, np.minimum(before << times, self.cap), at_least))
 
     def _take_in(self, new: NDArray[np.int64] | slice) -> None:
         """What is known of pixels of the picture that were drawn again: the mean of all rounds, but for the oldest."""

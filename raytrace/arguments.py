@@ -144,8 +144,12 @@ def render_options(parser: ArgumentParser) -> None:
     samplers = one_of("sobol", "stratified", "independent")
     add("--sampler", type=samplers, metavar="NAME", help="sobol, stratified or independent")
     add("--threads", type=whole_number(1, 4096), metavar="N", help="(default: one a core); no effect on the picture")
+    text = "a Dask scheduler, as tcp://host:8786: its workers draw"
+    add("--cluster", metavar="ADDRESS", help=text)
     add("--time-limit", type=real_number(1e-3, 1e9), metavar="SECONDS", help="stop then and save what is finished")
     add("--target-error", type=real_number(1e-6, 0.999), metavar="E", help="RMSE (sRGB, 0..1) to reach; --spp caps it")
+    text = "go on from what a render of the same picture kept beside it, or keep it from the start"
+    add("--resume", action="store_true", help=text)
     add("--aov", type=layers, default=(), metavar="A,B", help=f"layers of an .exr or .npz: {', '.join(LAYERS)}")
     add("--exposure", type=real_number(-100, 100), default=0.0, metavar="STOPS", help="of a .png: light x 2^STOPS")
     add("--quiet", action="store_true", help="no progress and no messages, only errors")

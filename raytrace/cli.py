@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TextIO
 import raytrace
 from raytrace import arguments
 from raytrace.errors import RaytraceError
-from raytrace.terminal import INTERRUPTED, Reporter, at_terminal, second_interrupt_leaves, speed
+from raytrace.terminal import INTERRUPTED, Reporter, at_terminal, signals_interrupt
 
 DONE, INTERNAL, USAGE, FILE, DIFFERENT = 0, 1, 2, 4, 5  # 3, an invalid scene, is SceneError.exit_code
 QUICK = {  # what the program has no use for, and need not wait for
@@ -43,12 +43,8 @@ def _say(line: str) -> None:
     """Print a message on stderr."""
     try:
         print(line, file=sys.stderr, flush=True)
-    except BrokenPipeError:
+    except OSError:  # the reader has gone, or the terminal is closed
         _drain(sys.stderr)
-
-
-def _silence(_line: str) -> None:
-    """Take the place of `_say` under ``--quiet``."""
 
 
 def _print_json(value: Any) -> None:
@@ -78,34 +74,33 @@ def _render(args: Namespace) -> int:
     path = check_path(args.output or f"{args.scene.stem}.png")  # before time is spent on rendering
     if args.aov and path.suffix.lower() == ".png":
         raise ArgumentError(None, f"--aov: a PNG has no room for layers; use -o {path.stem}.exr or {path.stem}.npz")
-    say = _silence if args.quiet else _say
-    with second_interrupt_leaves():
+    say = (lambda _line: None) if args.quiet else _say
+    with signals_interrupt():
         scene = raytrace.load(args.scene, args.root, args.max_memory)
         for warning in scene.warnings:
             say(f"warning: {warning}")
+        from raytrace.delivery import checkpoint_of, connected, deliver, remarks
+
         with Reporter(say, bar=at_terminal() and not args.quiet) as reporter:
-            image = raytrace.render(
-                scene, progress=reporter, **{key: getattr(args, key) for key in arguments.RENDER_OPTIONS}
-            )
+            options = {key: getattr(args, key) for key in arguments.RENDER_OPTIONS}
+            options["checkpoint"] = checkpoint_of(path, args.resume, say)
+            with connected(args.cluster) as options["client"]:
+                image = raytrace.render(scene, progress=reporter, **options)
         if image.interrupted and not image.aov["samples"].any():
             _say("interrupted before any part was finished; nothing was saved")
             return INTERRUPTED
-        image.save(path, exposure=args.exposure)
+        path, failure = deliver(image, path, args.exposure)
     seconds = time.perf_counter() - began
-    if not image.complete:
-        say(f"{'interrupted' if image.interrupted else 'time limit reached'}; the finished part is saved")
-    if image.complete and image.stats["target_reached"] is False:
-        say(f"target error {args.target_error:g} not reached with {image.provenance['spp']} samples a pixel")
-    if reporter.last:
-        error = image.stats["estimated_error"]
-        known = f"estimated error {error:.2g}" if error == error else "error unknown"  # of one sample a pixel
-        say(f"{seconds:.2f} s, {speed(reporter.last)}, {known}")
+    for line in remarks(image, reporter.last, seconds, args.target_error):
+        say(line)
+    if failure:
+        _say(failure)
     if args.json:
         outcome = {"path": str(path), "seconds": seconds, "complete": image.complete}
         _print_json(outcome | {"stats": image.stats, "provenance": image.provenance})
     else:
         print(path)
-    return INTERRUPTED if image.interrupted else DONE
+    return FILE if failure else INTERRUPTED if image.interrupted else DONE
 
 
 # The other verbs ------------------------------------------------------------------------------------------------------
@@ -166,7 +161,7 @@ def _report(args: Namespace) -> int:
         return _hard_cases(args.output)
     if not args.scene:
         raise ArgumentError(None, "report: which scene? raytrace report scene.json -o DIR (or --hard-cases)")
-    with second_interrupt_leaves():
+    with signals_interrupt():
         scene = raytrace.load(args.scene, args.root, args.max_memory)
         with Reporter(_say, bar=at_terminal()) as reporter:
             options = {name: getattr(args, name) for name in ("reference", "budget", "size")}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from raytrace.accel import query, reorder
-from raytrace.accel.build import LEAVES, measure
+from raytrace.accel.build import FEW, LEAVES, measure
 from raytrace.accel.bvh import BVH
 from raytrace.accel.flatten import flatten
 from raytrace.accel.grow import Part, grow, make_binary, make_scratch
@@ -24,7 +24,7 @@ from raytrace.passes.refraction import land, refract_rays
 from raytrace.passes.sampling import make_sampler
 from raytrace.passes.surface import surface
 from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Columns, Lights, Materials, Mesh, Rays, Scene, Settings
-from raytrace.scene.plan import make_plan
+from raytrace.scene.plan import Plan, make_plan
 from raytrace.wavefront import Wavefront, make_stage
 
 if TYPE_CHECKING:
@@ -44,6 +44,14 @@ class Picture(NamedTuple):
     large: bool = False  # a mesh has more than `FEW` triangles
     layers: bool = False  # there are layers (AOVs)
     aimed: bool = False  # an error is wanted
+
+
+def picture_of(
+    scene: Scene, plan: Plan, precision: str, sampler: str, *, layers: bool = False, aimed: bool = False
+) -> Picture:
+    """What of a scene's picture decides which kernels it needs."""
+    large = len(scene.mesh.faces) > FEW
+    return Picture(precision, sampler, plan.smooth, plan.refraction, plan.lights > 0, large, layers, aimed)
 
 
 def needs(picture: Picture) -> list[Call]:

@@ -49,13 +49,16 @@ def rounds(spp: int, hasty: bool) -> list[tuple[int, int]]:
     return list(pairwise(bounds))
 
 
-def grown(pixels: NDArray[np.int64], samples: NDArray[np.int32], wanted: NDArray[np.int32]) -> Iterator[Part]:
+def grown(
+    pixels: NDArray[np.int64], samples: NDArray[np.int32], wanted: NDArray[np.int32], at_least: int = 0
+) -> Iterator[Part]:
     """More samples of pixels, in parts of pixels that have the same number of them and want the same."""
     kind = samples.astype(np.int64) << 32 | wanted
     for each in np.unique(kind).tolist():
         same = pixels[kind == each]
-        for k in range(0, len(same), TILE**2):
-            yield Part(each >> 32, each & 0xFFFFFFFF, same[k : k + TILE**2])
+        step = max(TILE**2, at_least)
+        for k in range(0, len(same), step):
+            yield Part(each >> 32, each & 0xFFFFFFFF, same[k : k + step])
 
 
 def inverse(order: NDArray[np.int64]) -> NDArray[np.int64]:

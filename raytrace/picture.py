@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from raytrace.accel.bvh import BVH
 from raytrace.limits import LAYERS
 from raytrace.passes.camera import make_view
 from raytrace.records import Hits, Scene, Window
+
+if TYPE_CHECKING:
+    from raytrace.checkpoint import Checkpoint
 
 ROWS = 64  # of pixels whose layers are computed at a time
 
@@ -72,6 +75,8 @@ class Render:
         False after a cancel or a time limit.
     interrupted : bool
         True after Ctrl-C, or the stop button of a notebook.
+    checkpoint : Checkpoint or None
+        What kept finished parts; ``save`` removes it if the picture is complete.
 
     Examples
     --------
@@ -89,6 +94,7 @@ class Render:
     provenance: dict[str, Any]
     complete: bool
     interrupted: bool
+    checkpoint: "Checkpoint | None" = None
 
     def save(self, path: str | Path, exposure: float = 0.0) -> Path:
         """Write the picture: PNG (sRGB), EXR (linear, with layers) or NPZ (arrays), after the name's ending.
@@ -114,9 +120,13 @@ class Render:
         >>> rt.render("scenes/cornell-box.json", spp=1, size=(16, 16)).save("box.png").name  # doctest: +SKIP
         'box.png'
         """
-        return image.save(
-            path, self.rgb, stderr=self.stderr, aov=self.aov.computed, provenance=self.provenance, exposure=exposure
+        layers = self.aov.computed
+        written = image.save(
+            path, self.rgb, stderr=self.stderr, aov=layers, provenance=self.provenance, exposure=exposure
         )
+        if self.checkpoint and self.complete:
+            self.checkpoint.remove()
+        return written
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         return np.array(self.rgb, dtype=dtype, copy=copy)

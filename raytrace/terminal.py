@@ -1,4 +1,4 @@
-"""The person at the terminal: a notice and a bar while a picture is drawn, and Ctrl-C."""
+"""The person at the terminal: a notice and a bar while a picture is drawn, Ctrl-C and a closed terminal."""
 
 import contextlib
 import os
@@ -11,6 +11,7 @@ from typing import Any, NoReturn, Protocol, Self
 
 BAR_AFTER = 0.5  # s: a picture that is done sooner needs no bar, nor the import of one
 INTERRUPTED = 130  # exit code: 128 + SIGINT, as shells have it
+ENDING = "SIGINT", "SIGTERM", "SIGHUP"  # signals that ask a process to end; Windows lacks the last
 SHOW_CURSOR = b"\x1b[?25h"  # the bar hides it   [ECMA-48 private mode 25]
 
 
@@ -85,10 +86,17 @@ class Reporter:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._bar:
-            self._bar.stop()
+            with contextlib.suppress(OSError):
+                self._bar.stop()
             self._bar = None
 
     def _draw(self, event: Event) -> None:
+        try:
+            self._update(event)
+        except OSError:  # the terminal is closed
+            self._wants_bar, self._bar = False, None
+
+    def _update(self, event: Event) -> None:
         if self._bar is None:
             self._bar = _bar()
             self._bar.start()
@@ -116,23 +124,38 @@ def _bar() -> Any:
 
 
 @contextlib.contextmanager
-def second_interrupt_leaves() -> Iterator[None]:
-    """Let the first Ctrl-C raise KeyboardInterrupt, as ever, and the second end the process at once."""
+def signals_interrupt() -> Iterator[None]:
+    """Let the first signal to end raise KeyboardInterrupt, as Ctrl-C ever does, and the second end the process at once.
+
+    Such are Ctrl-C, SIGTERM (``kill``, a batch system out of time) and SIGHUP (a closed terminal), which ``nohup`` has
+    ignored.
+    """
 
     def second(*_: object) -> NoReturn:
         if at_terminal():
-            os.write(sys.stderr.fileno(), SHOW_CURSOR)
+            with contextlib.suppress(OSError):
+                os.write(sys.stderr.fileno(), SHOW_CURSOR)
         os._exit(INTERRUPTED)
 
     def first(*_: object) -> NoReturn:
-        signal.signal(signal.SIGINT, second)
+        for number in before:
+            signal.signal(number, second)
         raise KeyboardInterrupt
 
     if threading.current_thread() is not threading.main_thread():  # only the main thread may set handlers
         yield
         return
-    before = signal.signal(signal.SIGINT, first)
+    numbers = [getattr(signal, name) for name in ENDING if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in numbers}
+    before = {number: handler for number, handler in before.items() if not _is_nohup(number, handler)}
+    for number in before:
+        signal.signal(number, first)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _is_nohup(number: int, handler: Any) -> bool:
+    return number != signal.SIGINT and handler is signal.SIG_IGN

@@ -6,6 +6,7 @@ import pytest
 import exact
 import rays
 import raytrace as rt
+from raytrace.accel import build as building
 from raytrace.accel.build import build
 from raytrace.accel.lanes import NODE
 from raytrace.accel.layout import boxes_of, children_of
@@ -264,3 +265,14 @@ def test_the_validator_sees_what_is_broken(case):
     broken = tree._replace(**{part: record._replace(**{field: changed})})
     assert flaws(tree, triangles) == []
     assert any(word in flaw for flaw in flaws(broken, triangles) for word in message.split("|"))
+
+
+@pytest.mark.parametrize("name", ["with flat ones", "torus", "soup"])
+def test_the_tree_does_not_depend_on_how_triangles_are_shared_out_to_be_measured(name, monkeypatch):
+    whole, triangles, levels = grown(name)
+    monkeypatch.setattr(building, "STRETCH", 7)
+    parts, same, depth = grown(name)
+    assert levels == depth
+    assert rays.same_bits(triangles, same)
+    assert rays.same_bits(whole.nodes.bounds, parts.nodes.bounds)
+    assert rays.same_bits(whole.leaves.rows, parts.leaves.rows)

@@ -31,6 +31,7 @@ class Image(SimpleNamespace):
     def save(self, path, exposure):
         self.saved = (Path(path), exposure)
         Path(path).write_bytes(b"a picture")
+        return Path(path)
 
 
 @pytest.fixture
@@ -42,7 +43,8 @@ def library(monkeypatch, tmp_path):
             raise library.problem
         return SimpleNamespace(source=path, warnings=library.warnings)
 
-    def render(scene, *, progress, **options):
+    def render(scene, *, progress, checkpoint, **options):
+        library.checkpoint = checkpoint
         library.asked.append((scene.source, {key: value for key, value in options.items() if value not in (None, ())}))
         progress(Event("compiling", 0, 1, 0, 0.0))
         progress(Event("rendering", 4, 4, 8_000_000, 2.0))
@@ -51,7 +53,9 @@ def library(monkeypatch, tmp_path):
     stats = {"rays": np.int64(8), "error": np.inf, "pass": {"camera": (0.5,)}}
     stats |= {"estimated_error": 0.002, "target_reached": None}
     samples = np.ones((2, 2), np.int32)
-    image = Image(complete=True, interrupted=False, stats=stats, provenance={"seed": 1}, aov={"samples": samples})
+    image = Image(
+        complete=True, interrupted=False, stats=stats, provenance={"seed": 1}, aov={"samples": samples}, checkpoint=None
+    )
     library = SimpleNamespace(problem=None, warnings=(), asked=[], image=image)
     monkeypatch.setattr(raytrace, "load", load, raising=False)
     monkeypatch.setattr(raytrace, "render", render, raising=False)

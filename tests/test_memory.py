@@ -136,7 +136,7 @@ def test_what_takes_most_is_what_to_lower(drawing, trees, cure):
 @counted
 def test_a_film_is_refused_before_it_is_made(monkeypatch):
     loaded = rt.load(BOX)
-    monkeypatch.setattr("raytrace.rendering._Job", None)
+    monkeypatch.setattr("raytrace.rendering.Run", None)
     with pytest.raises(OptionError, match=r"^memory: the picture, with .* for 268,435,456 pixels, .*--size"):
         rt.render(loaded, size=(16384, 16384), max_memory=2**32)
     monkeypatch.setattr(memory, "free", lambda: 2.0**20)

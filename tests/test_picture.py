@@ -89,7 +89,7 @@ def test_there_are_all_layers_of_the_documented_kinds(drawn):
 
 def test_layers_are_computed_when_asked_for_and_once(monkeypatch):
     calls, trace_layers = [], picture.trace_layers
-    monkeypatch.setattr("raytrace.rendering.trace_layers", lambda *args: calls.append(args) or trace_layers(*args))
+    monkeypatch.setattr("raytrace.run.trace_layers", lambda *args: calls.append(args) or trace_layers(*args))
     drawn = rt.render(BOX, spp=1, size=(12, 8))
     assert (drawn.aov["samples"] == 1).all()
     assert (calls, len(drawn.aov), list(drawn.aov)) == ([], 6, list(LAYERS))

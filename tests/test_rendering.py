@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace import parts, rendering
+from raytrace import parts, run
 from raytrace.image import srgb_encode
-from raytrace.rendering import Progress
+from raytrace.progress import Progress
 from small_scenes import Part, glass, look, make_scene, quad, studio
 
 ROOT = Path(__file__).parents[1]
@@ -61,7 +61,7 @@ def test_tiles_and_batches_do_not_change_a_bit(several, tile, batch, monkeypatch
     ask = {"size": (70, 45), "spp": 5, "seed": 9}
     before = rt.render(several, **ask)
     monkeypatch.setattr(parts, "TILE", tile)
-    monkeypatch.setattr(rendering, "BATCH", batch)
+    monkeypatch.setattr(run, "BATCH", batch)
     assert_same(before, rt.render(several, **ask))
 
 
@@ -128,7 +128,7 @@ def test_progress_tells_of_building_and_of_every_finished_part():
     stages = [stage for stage, _ in itertools.groupby(event.stage for event in events if event.stage != "compiling")]
     assert stages == ["building", "rendering"]
     drawn = [event for event in events if event.stage == "rendering"]
-    pieces = -(-100 * 70 // (rendering.BATCH // 8))
+    pieces = -(-100 * 70 // (run.BATCH // 8))
     assert {event.total for event in drawn} == {pieces}
     for earlier, later in itertools.pairwise(drawn):
         assert earlier.done < later.done
@@ -348,7 +348,7 @@ def test_threads_tiles_and_batches_do_not_change_where_samples_go(several, sampl
     assert len(np.unique(one.aov["samples"])) > 3
     assert_same(one, rt.render(several, threads=3, sampler=sampler, **EDGES))
     monkeypatch.setattr(parts, "TILE", 8)
-    monkeypatch.setattr(rendering, "BATCH", 1000)
+    monkeypatch.setattr(run, "BATCH", 1000)
     assert_same(one, rt.render(several, threads=2, sampler=sampler, **EDGES))
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import pytest
 
 from raytrace import terminal
-from raytrace.terminal import Reporter, second_interrupt_leaves, speed
+from raytrace.terminal import Reporter, signals_interrupt, speed
 
 
 class Event(NamedTuple):
@@ -86,11 +86,11 @@ def test_no_color_is_respected(capsys, monkeypatch):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT that a process can send itself")
-def test_the_second_interrupt_leaves_at_once_even_where_exceptions_are_caught():
+def test_the_signals_interrupt_at_once_even_where_exceptions_are_caught():
     program = """
 import signal
-from raytrace.terminal import second_interrupt_leaves
-with second_interrupt_leaves():
+from raytrace.terminal import signals_interrupt
+with signals_interrupt():
     try:
         signal.raise_signal(signal.SIGINT)
     except KeyboardInterrupt:
@@ -106,7 +106,7 @@ with second_interrupt_leaves():
 
 def test_the_handler_of_before_comes_back():
     before = signal.getsignal(signal.SIGINT)
-    with second_interrupt_leaves():
+    with signals_interrupt():
         assert signal.getsignal(signal.SIGINT) is not before
     assert signal.getsignal(signal.SIGINT) is before
 
@@ -115,7 +115,7 @@ def test_another_thread_leaves_signals_alone():
     before, inside = signal.getsignal(signal.SIGINT), []
 
     def enter():
-        with second_interrupt_leaves():
+        with signals_interrupt():
             inside.append(signal.getsignal(signal.SIGINT))
 
     thread = threading.Thread(target=enter)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raytrace import parallel
 from raytrace.accel.boxes import BOX, clear
@@ -16,7 +17,18 @@ from raytrace.records import MollerTrumboreLeaves, Tree, WatertightLeaves
 
 FEW = 64  # triangles: up to so many the interpreter builds their tree, in less time than the first run would compile
 PARTS, MIN_PART = 32, 4096  # the tree is shared out in parts of at most 1 / PARTS of the triangles, unless they are few
+STRETCH = 32768  # triangles that a thread measures at a time
 LEAVES = {"watertight": WatertightLeaves, "moller-trumbore": MollerTrumboreLeaves}
+
+
+class Mesh(NamedTuple):
+    """A mesh of m triangles, and what is measured of it."""
+
+    vertices: NDArray[np.floating]  # (v, 3) f
+    faces: NDArray[np.int32]  # (m, 3)
+    triangles: NDArray[np.floating]  # (m, 12) f: v0, v1, v2, unit normal
+    boxes: NDArray[np.floating]  # (8 (m + 1),) f
+    order: NDArray[np.int32]  # (m,): numbers of the triangles that have a box
 
 
 class Steps(NamedTuple):
@@ -93,7 +105,7 @@ def build(vertices, faces, split, triangle):
     steps = Steps(*(interpreted(kernel) if m <= FEW else kernel for kernel in (measure, grow, flatten)))
     triangles, boxes, order = np.empty((m, 12), dtype), np.empty(BOX * (m + 1), dtype), np.empty(m, np.int32)
     with np.errstate(all="ignore"):
-        n = steps.measure(vertices, faces, triangles, boxes, order, np.empty(9))
+        n = _measure_all(Mesh(vertices, faces, triangles, boxes, order), steps.measure)
         binary, count = _grow_all(make_binary(order[:n].copy(), boxes), SPLITS[split], steps.grow)
         nodes, leaves = make_nodes(max(count // 2, 1), dtype), make_leaves(LEAVES[triangle], (count + 1) // 2, dtype)
         stack = np.empty((NODE * (MAX_DEPTH + 64), 3), np.int64)
@@ -104,12 +116,36 @@ def build(vertices, faces, split, triangle):
     return Tree(nodes, leaves, _extent(nodes)), triangles, levels
 
 
+def _measure_all(mesh, measure):
+    """Measure triangles, stretch by stretch on all threads; how many have an area. Theirs are then the first boxes."""
+    m, counts = len(mesh.faces), {}
+
+    def stretch(begin):
+        part = slice(begin, min(begin + STRETCH, m))
+        boxes, order = mesh.boxes[BOX * part.start : BOX * part.stop], mesh.order[part]
+        counts[begin] = measure(mesh.vertices, mesh.faces[part], mesh.triangles[part], boxes, order, np.empty(9))
+        order += begin
+
+    if m > STRETCH:
+        parallel.together(stretch, range(0, m, STRETCH), None)
+    else:
+        stretch(0)
+    n = 0
+    for begin in range(0, m, STRETCH):
+        end = begin + counts[begin]
+        if n < begin:  # triangles without area were left out before
+            mesh.boxes[BOX * n : BOX * (n + end - begin)] = mesh.boxes[BOX * begin : BOX * end].copy()
+            mesh.order[n : n + end - begin] = mesh.order[begin:end].copy()
+        n += end - begin
+    return n
+
+
 def _extent(nodes):
     """Low and high corner of a tree, and the side of a cube whose surface is the mean of its leaves'."""
     boxes, leaf = boxes_of(nodes), children_of(nodes) < 0
     low, high = boxes[0, :3].min(axis=1), boxes[0, 3:].max(axis=1)
-    x, y, z = (boxes[:, 3 + axis][leaf] - boxes[:, axis][leaf] for axis in range(3))
-    side = np.sqrt(np.mean(x * y + y * z + z * x) / 3) if leaf.any() else 0
+    x, y, z = (boxes[:, 3:] - boxes[:, :3]).transpose(1, 0, 2)
+    side = np.sqrt(np.mean(x * y + y * z + z * x, where=leaf) / 3) if leaf.any() else 0
     return np.array([*low, *high, side], boxes.dtype)
 
 
