@@ -100,7 +100,7 @@ class _Easel(Sketch):
         """Send the picture if it is time."""
         if progress.stage != "rendering":
             return
-        if self._artist.stale():
+        if self._next and self._artist.stale():  # the first frame is worth its while: a hand that moves needs some
             raise _Stale
         if time.perf_counter() >= self._next and self.whole():
             self._artist.send(self.picture(MAX_SIDE), float(self.samples.mean()))
