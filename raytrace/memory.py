@@ -218,3 +218,15 @@ def check_drawing(drawing: Drawing, trees: Trees, max_memory: int | None) -> Non
     if lacks := Allowance(max_memory).lacks(drawing.total(trees), max(cures, key=cures.__getitem__)):
         parts = f"{size(film)} for {drawing.pixels:,} pixels, {size(building)} for {trees.triangles:,} triangles"
         raise OptionError(f"memory: the picture, with {parts}, {lacks}")
+
+
+def check_tree(triangles: int, width: int) -> None:
+    """Refuse one more tree for which there is no memory; width: bytes of a number.
+
+    Raises
+    ------
+    OptionError
+        What to change in the scene.
+    """
+    if lacks := Allowance().lacks(BUILDING[width] * triangles, "move lights off the surfaces that they lie on"):
+        raise OptionError(f"memory: one more tree, for a light that lies on a surface, {lacks.partition(', or ')[0]}")

@@ -157,6 +157,22 @@ def test_what_was_built_is_not_counted_again():
     assert trees_of(triangles, plan, "float64") == Trees(34, 1, 8, False, True)
 
 
+def test_trees_for_lights_on_surfaces_are_refused_one_by_one(monkeypatch):
+    content = json.loads(BOX.read_text("utf-8"))
+    content["objects"] = [entry | {"mesh": BOX.parent / entry["mesh"]} for entry in content["objects"]]
+    content["lights"] += [{"type": "point", "position": [x, 0, 0.9], "flux": [1, 1, 1]} for x in (-0.5, 0.5)]
+    asked = []
+    monkeypatch.setattr("raytrace.wavefront.check_tree", lambda *args: asked.append(args))
+    rt.render(content, spp=1, size=(8, 8), precision="float64")
+    assert asked == [(34, 8)] * 2
+    monkeypatch.undo()
+    monkeypatch.setattr(memory, "free", lambda: 1000.0)
+    with pytest.raises(
+        OptionError, match=r"^memory: one more tree, .* are free; move lights off the surfaces that they"
+    ):
+        memory.check_tree(34, 8)
+
+
 @counted
 @pytest.mark.parametrize("name", ["large.obj", "large.ply", "large.stl", "large.glb", "large.obj.gz"])
 def test_a_mesh_file_is_refused_before_it_is_read(tmp_path, monkeypatch, name):
