@@ -7,7 +7,7 @@ from pathlib import Path
 from browser import ROOT, a_lab, a_page, run_all, why_not, write_notebook
 
 CELL = 'import raytrace as rt\n\nrt.show.live("scenes/glass-sphere.json")'
-PIXEL = 0.36, 0.7  # of the picture's width and height: in the glass ball
+PIXEL = 0.42, 0.74  # of the picture's width and height: in the glass ball
 
 
 def main() -> None:

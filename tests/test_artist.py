@@ -120,6 +120,19 @@ def test_what_is_wrong_with_a_scene_is_told_and_the_next_one_drawn():
     assert [str(error) for error in desk.errors] == ["nothing to see"]
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_mistake_of_ours_is_told_and_the_next_picture_drawn_all_the_same():
+    desk = Desk(1)
+    make, desk.artist._make = desk.artist._make, lambda: 1 / 0
+    desk.artist.draw()
+    while not desk.errors:
+        time.sleep(0.001)
+    desk.artist._make = make
+    desk.artist.draw()
+    desk.wait()
+    assert [str(error) for error in desk.errors] == ["division by zero"]
+
+
 @pytest.mark.parametrize("spp", [1, 3])
 def test_few_samples_are_enough(spp):
     desk = Desk(spp)

@@ -103,17 +103,18 @@ class Viewer(AnyWidget):
             self._artist.draw()
         elif message["kind"] == "path":
             try:
-                drawing = path(self._now(), tuple(message["pixel"]))
+                self.send({"kind": "path", "html": path(self._now(), tuple(message["pixel"]))._repr_html_()})
             except RaytraceError as error:
                 self._trouble(error)
-            else:
-                self.send({"kind": "path", "html": drawing._repr_html_()})
+            except Exception as error:
+                self._trouble(error)
+                raise
 
     def _frame(self, frame: Frame) -> None:
         about = {"type": frame.kind, "samples": frame.samples, "turn": self._drawn}
         self.send({"kind": "frame", **about}, [frame.data])
 
-    def _trouble(self, error: RaytraceError) -> None:
+    def _trouble(self, error: Exception) -> None:
         self.send({"kind": "trouble", "text": str(error)})
 
     def __repr__(self) -> str:
