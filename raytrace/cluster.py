@@ -6,14 +6,13 @@ all others depend: so it travels to each worker once, from whichever worker has 
 Dask draws a part again whose worker died.
 
 How many pixels a part has is a compromise that ``tests/bench/cluster_model.py`` computes: the scheduler takes about a
-millisecond a task, however many workers there are, and the last part of a round is waited for by all.
+millisecond a task, however many workers there are, and all wait for the last part of a slow one.
 """
 
 import contextlib
 import logging
 import os
 import time
-from asyncio import CancelledError
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -35,8 +34,10 @@ from raytrace.worker import Drawn, Order, Refusal, draw, hold
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-PARTS = 16  # of a picture, for each thread of the cluster: chosen by tests/bench/cluster_model.py
-LEAST = 1 << 20  # samples of a part, so that it takes some 50 times as long as the scheduler takes for it
+PARTS = 64  # of a picture, for each thread of the cluster: more gain little, as tests/bench/cluster_model.py shows
+TASK = 1e-3  # seconds that the scheduler takes for a task, so that n threads should take n of these for theirs
+SHORT = 0.05  # seconds that a part should take at least
+RATE = 1e7  # samples a second that a thread draws of a simple scene; of others fewer, so that parts take longer
 AHEAD = 3  # tasks that the scheduler is given ahead, for each thread
 LOOK = 1.0  # seconds between two looks at how many threads there are
 
@@ -56,13 +57,24 @@ def connect(address: str) -> "Client":
     """
     try:
         from distributed import Client
+        from distributed.comm import resolve_address
     except ImportError:
         raise OptionError('cluster: needs Dask: pip install "raytrace[cluster]"') from None
     try:
+        resolve_address(address)  # a client that can't do that is not easily got rid of
         return Client(address, set_as_default=False, name="raytrace")
     except (OSError, ValueError, TypeError, RuntimeError) as error:
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise OptionError(f"cluster: {address}: no scheduler answers: {reason}") from None
+
+
+def part_pixels(pixels: int, samples: int, threads: int) -> int:
+    """How many pixels a part should have, of a picture of so many with so many samples each, for so many threads.
+
+    >>> part_pixels(2**22, 256, 2), part_pixels(2**22, 256, 1000)
+    (32768, 39062)
+    """
+    return max(pixels // (PARTS * threads), int(max(SHORT, TASK * threads) * RATE) // samples)
 
 
 class Cluster:
@@ -86,7 +98,7 @@ class Cluster:
 
     def pixels(self, pixels: int, samples: int) -> int:
         """How many pixels a part should have, of a picture of so many with so many samples each."""
-        return max(pixels // (PARTS * max(self._look(), 1)), LEAST // samples)
+        return part_pixels(pixels, samples, max(self._look(), 1))
 
     def rays(self) -> Counter[str]:
         """Rays traced so far, by kind."""
@@ -122,7 +134,7 @@ class Cluster:
         OptionError
             The scheduler has gone, no worker is left that may draw, or a part kills whatever worker draws it.
         """
-        from distributed import KilledWorker
+        from distributed import CancelledError, KilledWorker
 
         waiting, flying, landed = deque(parts), dict["Future", Numbered](), SimpleQueue["Future"]()
         try:
@@ -142,7 +154,8 @@ class Cluster:
                 report(done)
             return False
         except (OSError, CancelledError) as error:
-            raise OptionError(f"cluster: the scheduler has gone: {error or type(error).__name__}") from error
+            flying.clear()  # nobody is there to be told
+            raise OptionError("cluster: the scheduler has gone; what came back is kept if there is a checkpoint") from error
         except KilledWorker as error:
             raise OptionError(f"cluster: {error}") from error
         finally:
