@@ -155,7 +155,9 @@ class Cluster:
             return False
         except (OSError, CancelledError) as error:
             flying.clear()  # nobody is there to be told
-            raise OptionError("cluster: the scheduler has gone; what came back is kept if there is a checkpoint") from error
+            raise OptionError(
+                "cluster: the scheduler has gone; what came back is kept if there is a checkpoint"
+            ) from error
         except KilledWorker as error:
             raise OptionError(f"cluster: {error}") from error
         finally:
