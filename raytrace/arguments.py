@@ -84,6 +84,23 @@ def layers(text: str) -> tuple[str, ...]:
     return tuple(map(one_of(*LAYERS), text.split(",")))
 
 
+def memory(text: str) -> int:
+    """Parse a number of bytes, or of KiB, MiB, GiB or TiB by a letter.
+
+    >>> memory("4G"), memory("1.5m")
+    (4294967296, 1572864)
+    """
+    digits = text.lower().removesuffix("b").removesuffix("i")
+    power = " kmgt".find(digits[-1:]) if digits[-1:] in tuple("kmgt") else 0
+    try:
+        value = float(digits[:-1] if power else digits) * 1024**power
+    except ValueError:
+        value = -1
+    if not 1 <= value < 2**63:
+        raise ArgumentTypeError(f"expected bytes, as 500M or 4G, got '{text}'")
+    return int(value)
+
+
 RENDER_OPTIONS = (
     "spp",
     "size",
@@ -95,16 +112,20 @@ RENDER_OPTIONS = (
     "time_limit",
     "target_error",
     "aov",
+    "max_memory",
 )
 
 
 def scene_options(parser: ArgumentParser) -> None:
-    """Declare a scene, and where its meshes may lie."""
+    """Declare a scene, where its meshes may lie, and what memory it may take."""
     parser.add_argument("scene", type=Path, help="scene file (JSON)")
-    _root_option(parser)
+    _load_options(parser)
 
 
-def _root_option(parser: ArgumentParser) -> None:
+def _load_options(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "--max-memory", type=memory, metavar="SIZE", help="bytes, as 500M or 4G (default: what is free)"
+    )
     text = "a folder whose files the scene may read too (default: only those below its own)"
     parser.add_argument("--root", type=Path, metavar="DIR", help=text)
 
@@ -155,7 +176,7 @@ def report_options(parser: ArgumentParser) -> None:
     """Declare the options of ``report``."""
     add = parser.add_argument
     add("scene", type=Path, nargs="?", help="scene file (JSON) whose speed is measured against its error")
-    _root_option(parser)
+    _load_options(parser)
     add("--hard-cases", action="store_true", help="rays that break ray tracers, judged exactly, instead of a scene")
     add("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the report")
     add("--reference", type=Path, metavar="FILE", help=".exr or .npz to judge by (default: one is drawn, and kept)")

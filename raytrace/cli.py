@@ -76,7 +76,7 @@ def _render(args: Namespace) -> int:
         raise ArgumentError(None, f"--aov: a PNG has no room for layers; use -o {path.stem}.exr or {path.stem}.npz")
     say = (lambda _line: None) if args.quiet else _say
     with signals_interrupt():
-        scene = raytrace.load(args.scene, args.root)
+        scene = raytrace.load(args.scene, args.root, args.max_memory)
         for warning in scene.warnings:
             say(f"warning: {warning}")
         from raytrace.delivery import checkpoint_of, connected, deliver, remarks
@@ -107,12 +107,12 @@ def _render(args: Namespace) -> int:
 
 
 def _explain(args: Namespace) -> int:
-    print(raytrace.explain(raytrace.load(args.scene, args.root)))
+    print(raytrace.explain(raytrace.load(args.scene, args.root, args.max_memory)))
     return DONE
 
 
 def _check(args: Namespace) -> int:
-    scene = raytrace.load(args.scene, args.root)
+    scene = raytrace.load(args.scene, args.root, args.max_memory)
     for warning in scene.warnings:
         print(f"warning: {warning}")
     raytrace.explain(scene)  # says so where no precision holds the scene
@@ -162,7 +162,7 @@ def _report(args: Namespace) -> int:
     if not args.scene:
         raise ArgumentError(None, "report: which scene? raytrace report scene.json -o DIR (or --hard-cases)")
     with signals_interrupt():
-        scene = raytrace.load(args.scene, args.root)
+        scene = raytrace.load(args.scene, args.root, args.max_memory)
         with Reporter(_say, bar=at_terminal()) as reporter:
             options = {name: getattr(args, name) for name in ("reference", "budget", "size")}
             found = report(scene, args.output, progress=reporter, **options)

@@ -1,4 +1,6 @@
-"""The mistakes a user can make, each with the exit code that the command line gives it."""
+"""The mistakes a user can make, each with the exit code that the command line gives it; texts that fit in a line."""
+
+from typing import Any
 
 
 class RaytraceError(Exception):
@@ -33,3 +35,25 @@ class OptionError(RaytraceError, ValueError):
     """An option of a call or of the command line that can't be met: ``option: what is wrong``."""
 
     exit_code = 2
+
+
+def shortened(text: str, most: int = 60) -> str:
+    """Cut a text that is long.
+
+    Examples
+    --------
+    >>> shortened("0.333333333333", 8)
+    '0.333...'
+    """
+    return text if len(text) <= most else text[: most - 3] + "..."
+
+
+def printable(text: Any) -> str:
+    r"""Write what can't be printed in one line as escapes.
+
+    Examples
+    --------
+    >>> printable("two\nlines")
+    'two\\nlines'
+    """
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))

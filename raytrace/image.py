@@ -13,6 +13,7 @@ import contextlib
 import io
 import json
 import os
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -24,11 +25,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace import png
-from raytrace.errors import FileError
+from raytrace.errors import FileError, printable, shortened
 from raytrace.paths import check_path, suffix_of
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # (3,) f8: Y of linear Rec. 709 and sRGB primaries   [ITU-R BT.709-6]
 MAX_STOPS = 100.0  # |exposure|: 2**100 leads from the middle of the float32 range almost to its end; more is a mistake
+MAX_REASON = 300  # characters
+ROWS = 64  # of a picture that are turned into sRGB at a time
+PROVENANCE = "provenance"  # of an NPZ
 KEY = "raytrace:"  # before every provenance key in PNG and EXR files
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 CHANNELS: dict[str, tuple[str, ...]] = {  # of an EXR, as <layer>.<channel>
@@ -43,7 +47,8 @@ CHANNELS: dict[str, tuple[str, ...]] = {  # of an EXR, as <layer>.<channel>
 }
 WHOLE = ("prim_id", "samples")  # int32; the others are float32
 # what Pillow, OpenEXR and NumPy raise for a broken file; found by cutting files and flipping their bytes, 1500 of each
-BROKEN = (ValueError, KeyError, SyntaxError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
+BROKEN: tuple[type[Exception], ...] = (ValueError, KeyError, SyntaxError, EOFError, RuntimeError, MemoryError)
+BROKEN += (tokenize.TokenError, zipfile.BadZipFile, zlib.error)
 Contents = tuple[dict[str, NDArray[Any]], dict[str, Any]]  # arrays by name, provenance
 
 
@@ -96,7 +101,11 @@ def png_bytes(rgb: ArrayLike, provenance: Mapping[str, Any] = NOTHING, exposure:
     ValueError
         The shape isn't (h, w, 3), or the exposure is out of range.
     """
-    return png.encode(srgb8(_checked({"rgb": rgb})["rgb"], exposure), _to_texts({**provenance, "exposure": exposure}))
+    rows = checked({"rgb": rgb})["rgb"]
+    code = np.empty(rows.shape, np.uint8)
+    for top in range(0, len(rows), ROWS):  # float64 of the whole picture would be eight times as large
+        code[top : top + ROWS] = srgb8(rows[top : top + ROWS], exposure)
+    return png.encode(code, _to_texts({**provenance, "exposure": exposure}))
 
 
 def save(
@@ -133,7 +142,7 @@ def save(
         An array of the wrong shape, an unknown AOV, an exposure out of range.
     """
     path = check_path(path)
-    arrays = _checked({"rgb": rgb, **({} if stderr is None else {"stderr": stderr}), **aov})
+    arrays = checked({"rgb": rgb, **({} if stderr is None else {"stderr": stderr}), **aov})
     if path.suffix.lower() == ".png":
         _replace(path, png_bytes(rgb, provenance, exposure))
     else:
@@ -150,19 +159,24 @@ def load(path: str | os.PathLike[str]) -> Picture:
     FileError
         The file is missing, broken, or of another kind; one line says which.
     """
+    from raytrace import decoding  # which is seldom wanted
+
     path = Path(path)
-    read = {".png": _read_png, ".exr": _read_exr, ".npz": _read_npz}[suffix_of(path)]
+    read = {".png": decoding.read_png, ".exr": decoding.read_exr, ".npz": decoding.read_npz}[suffix_of(path)]
     try:
-        arrays, provenance = read(path.read_bytes())
+        arrays, provenance = read(decoding.content(path))
+    except decoding.RefusedError as error:
+        raise FileError(f"{path}: {error}") from None
     except OSError as error:  # with a strerror: of the system; without: Pillow's
-        raise FileError(f"{path}: can't be read: {error.strerror or 'not a whole PNG picture'}") from error
+        raise FileError(f"{path}: can't be read: {error.strerror or 'not a whole picture'}") from error
     except BROKEN as error:
-        reason = str(error).partition("\n")[0] or type(error).__name__
+        reason = shortened(printable(str(error).partition("\n")[0] or type(error).__name__), MAX_REASON)
         raise FileError(f"{path}: not a whole {path.suffix[1:].upper()} picture: {reason}") from error
     return Picture(arrays.pop("rgb"), arrays.pop("stderr", None), arrays, provenance)
 
 
-def _checked(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
+def checked(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
+    """Arrays of a picture in the types that files have; a ValueError where they do not go together."""
     if unknown := arrays.keys() - CHANNELS.keys():
         raise ValueError(f"unknown layers {sorted(unknown)}; the known ones are {', '.join(CHANNELS)}")
     if "rgb" not in arrays:
@@ -195,26 +209,6 @@ def _to_texts(provenance: Mapping[str, Any]) -> dict[str, str]:
     return {KEY + key: json.dumps(value) for key, value in provenance.items()}
 
 
-def _from_texts(texts: Mapping[Any, Any]) -> dict[str, Any]:
-    ours = [key for key, text in texts.items() if isinstance(text, str) and str(key).startswith(KEY)]
-    return {key.removeprefix(KEY): json.loads(texts[key]) for key in ours}
-
-
-def _read_png(data: bytes) -> Contents:
-    from PIL import Image
-
-    try:
-        picture = Image.open(io.BytesIO(data), formats=["PNG"])
-    except Image.DecompressionBombError as error:  # an Exception and no more
-        raise ValueError(str(error)) from error
-    if picture.mode.startswith("I"):
-        raise ValueError("16 bits a channel; use 8 bits, .exr or .npz")
-    code = np.asarray(picture.convert("RGB")) / 255.0
-    provenance = _from_texts(picture.info)
-    stops = float(provenance.pop("exposure", 0.0))
-    return _checked({"rgb": srgb_decode(code) * 2.0**-stops}), provenance
-
-
 def _exr_bytes(arrays: Mapping[str, NDArray[Any]], provenance: Mapping[str, Any]) -> bytes:
     import OpenEXR
 
@@ -230,31 +224,8 @@ def _exr_bytes(arrays: Mapping[str, NDArray[Any]], provenance: Mapping[str, Any]
     return stream.getvalue()
 
 
-def _read_exr(data: bytes) -> Contents:
-    import OpenEXR
-
-    with contextlib.redirect_stdout(None):  # OpenEXR prints there what is wrong with a broken file
-        file = OpenEXR.File(io.BytesIO(data), separate_channels=True)
-    if not file.parts:
-        raise ValueError("broken, or cut short")
-    planes = {name: channel.pixels for name, channel in file.channels().items()}
-    arrays = {}
-    for name, channels in CHANNELS.items():
-        if planes.keys() >= set(channels):
-            stack = np.stack([planes[channel] for channel in channels], axis=2)
-            bits = stack.view(np.int32) if stack.dtype == np.uint32 else stack
-            arrays[name] = bits if len(channels) == 3 else bits[:, :, 0]
-    return _checked(arrays), _from_texts(file.header())
-
-
 def _npz_bytes(arrays: Mapping[str, NDArray[Any]], provenance: Mapping[str, Any]) -> bytes:
     stream = io.BytesIO()  # NumPy dates the members 1980-01-01: no clock in the bytes
-    members: dict[str, Any] = {**arrays, "provenance": np.array(json.dumps(dict(provenance)))}
+    members: dict[str, Any] = {**arrays, PROVENANCE: np.array(json.dumps(dict(provenance)))}
     np.savez_compressed(stream, **members)
     return stream.getvalue()
-
-
-def _read_npz(data: bytes) -> Contents:
-    with np.load(io.BytesIO(data), allow_pickle=False) as file:
-        arrays = _checked({name: file[name] for name in CHANNELS if name in file})
-        return arrays, json.loads(str(file["provenance"])) if "provenance" in file else {}

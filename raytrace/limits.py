@@ -7,3 +7,6 @@ MAX_PIXELS = 2**28  # pixels of a film: 3 GiB of float32 RGB, 16384 x 16384
 MAX_SPP = 65_536  # samples per pixel; halves the noise of 16384, and sample numbers stay within 16 bits
 MAX_DEPTH = 65_536  # surfaces a path may meet
 MAX_SEED = 2**32 - 1  # the seed is one 32-bit word of the random numbers' address
+MAX_TRIANGLES = 2**28  # of a scene: 60 GB of trees and tables
+MAX_SCENE = 2**24  # bytes of a scene file: JSON takes 30 times as much memory
+MAX_MESH = 2**30  # bytes of a mesh file, unfolded: about 10 million triangles of OBJ, 50 million of binary PLY

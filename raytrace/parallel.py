@@ -10,6 +10,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from raytrace.errors import OptionError
+from raytrace.jit import PLAIN
 
 POLL = 0.1  # seconds between two looks at the keyboard
 GRAIN = 1024  # rows: what is shared out in ranges is cut at multiples of this
@@ -63,9 +64,12 @@ def run(
     Notes
     -----
     An error in a task, or Ctrl-C, ends the handing out; tasks under way are waited for, and it is raised here. Where
-    the system gives no thread (the interpreter is ending, or there are too many), the caller's does the work.
+    the system gives no thread (the interpreter is ending, or there are too many), the caller's does the work; so
+    it does where one thread is asked for and kernels are plain Python, for that is where a debugger looks.
     """
     queue, count = _Queue(task, items), thread_count(threads)
+    if PLAIN and count == 1:
+        count = 0
     news = SimpleQueue[bool]()
 
     def work() -> None:

@@ -10,14 +10,17 @@ from raytrace import adaptive, parallel
 from raytrace.checkpoint import Checkpoint
 from raytrace.errors import OptionError
 from raytrace.job import Job, Layout
+from raytrace.memory import Drawing, check_drawing
 from raytrace.options import deadline_after, error_wanted, layers_of, override, window_of
+from raytrace.passes.film import BINS
 from raytrace.picture import Render
 from raytrace.preview import watcher_of
 from raytrace.progress import Progress
 from raytrace.records import Scene
 from raytrace.run import Run
 from raytrace.scene.load import load
-from raytrace.stages import plan_of
+from raytrace.stages import plan_of, trees_of
+from raytrace.wavefront import BATCH
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -39,6 +42,7 @@ def render(
     crop: tuple[int, int, int, int] | None = None,
     time_limit: float | None = None,
     target_error: float | None = None,
+    max_memory: int | None = None,
     checkpoint: str | Path | Checkpoint | None = None,
     client: "Client | None" = None,
 ) -> Render:
@@ -65,6 +69,8 @@ def render(
     target_error : float, optional
         Sample where the error is until the estimated RMSE of the picture, in sRGB clipped to 0 .. 1, is at most this:
         0.002 is half a step of 8 bits. No pixel gets more than ``spp`` samples, 4096 where that isn't given.
+    max_memory : int, bytes, optional
+        What the process may take in all; a picture that takes more is refused. Default: what is free.
     checkpoint : str or Path, optional
         File that keeps finished parts while the picture is drawn. If it is there, it is gone on from, and the picture
         has the same bits as if nothing had happened. ``Render.save`` removes it once the whole picture is written.
@@ -91,14 +97,16 @@ def render(
     ((32, 32, 3), True)
     """
     if not isinstance(scene, Scene):
-        scene = load(scene)
+        scene = load(scene, max_memory=max_memory)
     target = error_wanted(target_error)
     most = adaptive.CAP if spp is None and target is not None else spp
     settings = override(scene.settings, most, size, seed, precision, sampler)
     window = window_of(settings.size, crop)
-    layers, limit = layers_of(aov), deadline_after(time_limit)
-    precision = plan_of(scene).precision.name if settings.precision == "auto" else settings.precision
+    layers, limit, count = layers_of(aov), deadline_after(time_limit), parallel.thread_count(threads)
+    plan = plan_of(scene)
+    precision = plan.precision.name if settings.precision == "auto" else settings.precision
     job, watcher = Job(scene, settings, window, precision, target), watcher_of(progress)
+    check_drawing(_drawing(job, layers, count), trees_of(scene, plan, precision), max_memory)
     layout = Layout(hasty=limit < np.inf or watcher.early(window.width * window.height * job.first_spp))
     keep = checkpoint if isinstance(checkpoint, Checkpoint | None) else Checkpoint(Path(checkpoint))
     cluster = None if client is None else _cluster_of(client, job, threads)
@@ -107,7 +115,14 @@ def render(
     if keep:
         layout = keep.begin(job, layout)
     run = Run(job, layout, keep, cluster, watcher)
-    return run.run(parallel.thread_count(threads), limit, layers)
+    return run.run(count, limit, layers)
+
+
+def _drawing(job: Job, layers: Sequence[str], threads: int) -> Drawing:
+    """What the memory of a picture depends on."""
+    pixels, spp = job.window.width * job.window.height, job.settings.spp
+    batch = min(threads, -(-pixels * spp // BATCH)) * BATCH
+    return Drawing(pixels, bool(set(layers) - {"samples"}), job.target is not None, min(spp, BINS), batch)
 
 
 def _cluster_of(client: "Client", job: Job, threads: int | None) -> "Cluster":

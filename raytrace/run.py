@@ -20,8 +20,10 @@ from raytrace.job import Job, Layout
 from raytrace.needs import compile_ahead, picture_of
 from raytrace.parts import Part, pieces, rounds
 from raytrace.passes.estimate import MODELS, root_mean
+from raytrace.passes.film import MOST
 from raytrace.picture import Layers, Render, trace_layers
 from raytrace.progress import Progress, Watcher
+from raytrace.records import Scene, Window
 from raytrace.stages import is_built, plan_of, stage_of
 from raytrace.wavefront import BATCH
 
@@ -52,7 +54,8 @@ class Run:
             film, at = self.canvas.film, self.canvas.at
             self.search = adaptive.Search(film, at, job.window, model, job.target, job.settings.spp)
         self.samples = np.zeros((job.window.height, job.window.width), np.int32)
-        self.layers = Layers(self.samples, self._trace_layers)
+        trace = partial(_trace_layers, job.scene, job.precision, job.settings.size, job.window)
+        self.layers = Layers(self.samples, trace)
         self.began = self._drawing = time.perf_counter()
         self._numbers = itertools.count()  # of parts, in an order that only the job and its layout decide
         self._cancelled = threading.Event()
@@ -204,9 +207,9 @@ class Run:
             "complete": int(complete),
             "seconds": round(seconds, 4),
         }
-        rgb, stderr = drawn.rgb.reshape(*size, 3), np.sqrt(drawn.variance).astype(np.float32).reshape(size)
-        return Render(rgb, stderr, self.layers, stats, provenance, complete, interrupted, self.keep)
+        rgb, stderr = drawn.rgb.reshape(*size, 3), np.minimum(np.sqrt(drawn.variance), MOST).astype(np.float32)
+        return Render(rgb, stderr.reshape(size), self.layers, stats, provenance, complete, interrupted, self.keep)
 
-    def _trace_layers(self) -> dict[str, NDArray[Any]]:
-        stage = stage_of(self.job.scene, self.plan, self.job.precision)
-        return trace_layers(self.job.scene, stage.bvh, self.job.settings.size, self.job.window)
+
+def _trace_layers(scene: Scene, precision: str, size: tuple[int, int], window: Window) -> dict[str, NDArray[Any]]:
+    return trace_layers(scene, stage_of(scene, plan_of(scene), precision).bvh, size, window)

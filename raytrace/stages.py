@@ -2,6 +2,7 @@
 
 from weakref import WeakKeyDictionary
 
+from raytrace.memory import Trees
 from raytrace.records import Scene
 from raytrace.scene.plan import Plan, make_plan
 from raytrace.wavefront import Stage, make_stage
@@ -32,3 +33,10 @@ def stage_of(scene: Scene, plan: Plan, precision: str) -> Stage:
     if precision not in stages:
         stages[precision] = make_stage(scene, plan, precision)
     return stages[precision]
+
+
+def trees_of(scene: Scene, plan: Plan, precision: str) -> Trees:
+    """What the memory of a scene that is drawn depends on."""
+    triangles = 0 if is_built(scene, precision) else len(scene.mesh.faces)
+    width = 4 if precision == "float32" else 8
+    return Trees(triangles, 1 + plan.transparent, width, plan.refraction, plan.lights > 0)

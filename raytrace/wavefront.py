@@ -11,6 +11,7 @@ from raytrace.accel import query
 from raytrace.accel.bvh import BVH
 from raytrace.accel.lanes import PACKET
 from raytrace.accel.layout import aligned
+from raytrace.memory import check_tree
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.film import accumulate
 from raytrace.passes.light import background, reflect_light, shadow_rays, triangles_at
@@ -83,6 +84,8 @@ def _shadow_bvhs(scene: Scene, bvh: BVH, positions: NDArray[np.floating]) -> tup
         rest = stops.copy()
         rest[triangles_at(bvh.tree, bvh.triangles, position)] = False
         alike = np.array_equal(rest, stops)
+        if not alike:
+            check_tree(len(mesh.faces), bvh.triangles.itemsize)  # how many there will be is known but now
         trees.append(common if alike else BVH(mesh.vertices, mesh.faces[rest], *kind))
     return tuple(trees)
 

@@ -63,7 +63,7 @@ def a_lab(folder: Path) -> Iterator[str]:
         )
     try:
         _wait(f"http://127.0.0.1:{port}/api/status?token={token}", server, home / "log")
-        yield f"http://127.0.0.1:{port}/lab/tree/{{}}?token={token}"
+        yield f"http://127.0.0.1:{port}/lab/tree/{{}}?token={token}&reset"  # with no other page open
     finally:
         server.terminate()
         server.wait(timeout=30)
@@ -105,6 +105,6 @@ def a_page(width: int = 1280, height: int = 900, scale: float = 1.0) -> Iterator
 def run_all(page: Any, address: str) -> None:
     """Open a notebook, and run all its cells from the menu, as a person would."""
     page.goto(address)
-    page.wait_for_selector(".jp-Notebook-ExecutionIndicator[data-status='idle']")  # the kernel is there
+    page.get_by_text("Python 3 (ipykernel) | Idle").wait_for()
     page.get_by_role("menuitem", name="Run", exact=True).click()
     page.get_by_role("menuitem", name="Run All Cells", exact=True).click()

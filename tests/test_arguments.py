@@ -5,6 +5,7 @@ import pytest
 from raytrace.arguments import (
     RENDER_OPTIONS,
     layers,
+    memory,
     one_of,
     real_number,
     render_options,
@@ -52,3 +53,17 @@ def test_every_option_that_render_gets_is_declared():
     parser = ArgumentParser()
     render_options(parser)
     assert set(RENDER_OPTIONS) <= vars(parser.parse_args(["scene.json"])).keys()
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("1", 1), ("500M", 500 * 2**20), ("4g", 2**32), ("1.5GiB", 3 * 2**29), ("2kB", 2048), ("1T", 2**40), ("7b", 7)],
+)
+def test_memory_is_given_in_bytes_or_larger_units(text, value):
+    assert memory(text) == value
+
+
+@pytest.mark.parametrize("text", ["", "G", "0", "-4G", "4X", "nan", "inf", "1e30", "4 G B", "GG", "0.5"])
+def test_what_is_no_amount_of_memory_is_told(text):
+    with pytest.raises(ArgumentTypeError, match=r"expected bytes, as 500M or 4G, got"):
+        memory(text)

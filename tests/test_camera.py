@@ -9,6 +9,7 @@ import rays
 from raytrace.accel.lanes import packet_width
 from raytrace.passes.camera import camera_rays, make_view
 from raytrace.passes.sampling import make_sampler
+from raytrace.records import Camera
 from small_scenes import look
 
 PRECISIONS = ("float32", "float64")
@@ -108,3 +109,15 @@ def test_rays_do_not_depend_on_the_batch(precision):
     d = np.empty(3 * len(x), precision)
     camera_rays(make_view(camera, size, np.dtype(precision)), sampler, x[order], y[order], np.array([6, 7]), d)
     assert rays.same_bits(d.reshape(3, -1).T, whole[6][order])
+
+
+def test_up_and_look_at_may_have_any_length():
+    camera = Camera(np.array([1.0, 2.0, 3.0]), np.array([0.0, 0.5, -1.0]), np.array([0.1, 1.0, 0.2]), 40.0)
+    plain = make_view(camera, (4, 3), np.dtype(np.float64))
+    for factor in (2.0**-1000, 2.0**-40, 2.0**900, 2.0**1023):
+        view = make_view(camera._replace(up=camera.up * factor), (4, 3), np.dtype(np.float64))
+        assert all(np.array_equal(a, b) for a, b in zip(view, plain, strict=True))
+    for factor in (1e20, 1e200, 1e307):
+        there = make_view(camera._replace(look_at=factor * np.array([-1.0, -1.5, -4.0])), (4, 3), np.dtype(np.float64))
+        np.testing.assert_allclose(there.forward, np.array([-1, -1.5, -4]) / np.linalg.norm([1, 1.5, 4]), rtol=1e-15)
+        assert all(np.isfinite(vector).all() for vector in there)

@@ -38,7 +38,7 @@ class Image(SimpleNamespace):
 def library(monkeypatch, tmp_path):
     """Library that is asked and notes it, but draws nothing; the current folder is an empty one."""
 
-    def load(path, root=None):
+    def load(path, root=None, max_memory=None):
         if library.problem:
             raise library.problem
         return SimpleNamespace(source=path, warnings=library.warnings)

@@ -74,3 +74,13 @@ def test_what_start_shows_works(tmp_path):
         assert done.returncode == 0, done.stderr
     assert (tmp_path / "mine.exr").stat().st_size > 0
     assert done.stdout == "[ 1. inf] [ 0 -1]\n"
+
+
+def test_what_live_shows_works():
+    pytest.importorskip("anywidget")
+    (program,) = blocks("live.md", "python")
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", program], capture_output=True, text=True, timeout=300, cwd=ROOT
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "(320, 320, 3) 16 1.33\n"

@@ -11,7 +11,7 @@ import zlib
 import numpy as np
 import pytest
 
-from raytrace import image
+from raytrace import decoding, image
 from raytrace.errors import FileError
 
 PROVENANCE = {"version": "0.1", "seed": 2**32 - 1, "seconds": 1.25, "cpu": "Zoë's \u2603"}
@@ -308,9 +308,30 @@ def test_a_16_bit_png_is_refused(tmp_path):
 
 def test_a_png_too_large_to_trust_is_refused(tmp_path, monkeypatch):
     image.save(tmp_path / "a.png", picture()[0])
-    monkeypatch.setattr("PIL.Image.MAX_IMAGE_PIXELS", 10)
-    with pytest.raises(FileError, match="not a whole PNG"):
+    monkeypatch.setattr(decoding, "MAX_PIXELS", 10)
+    with pytest.raises(FileError, match=r"a\.png: it has \d+ pixels; at most 10$"):
         image.load(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize("suffix", ["png", "exr", "npz"])
+def test_a_picture_that_takes_more_memory_than_there_is_is_refused(tmp_path, monkeypatch, suffix):
+    path = image.save(tmp_path / f"a.{suffix}", np.zeros((100, 100, 3)))
+    left = path.stat().st_size + 10_000  # enough for the file itself
+    monkeypatch.setattr("raytrace.memory.free", lambda: float(left))
+    with pytest.raises(FileError, match=r"takes about \d+ MiB of memory, 0 MiB are free; scale it down$"):
+        image.load(path)
+    monkeypatch.setattr("raytrace.memory.free", lambda: 10.0)
+    with pytest.raises(FileError, match="takes about 0 MiB"):
+        image.load(path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes here")
+def test_what_is_no_regular_file_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "a.png")
+    (tmp_path / "b.npz").symlink_to("/dev/zero")
+    for name in ("a.png", "b.npz"):
+        with pytest.raises(FileError, match="no regular file"):
+            image.load(tmp_path / name)
 
 
 def test_without_openexr_the_message_names_the_extra(tmp_path, monkeypatch):

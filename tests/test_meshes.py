@@ -232,7 +232,7 @@ def test_missing_file_directory_and_vast_file_are_file_errors(tmp_path, monkeypa
     with pytest.raises(FileError, match="can't be read"):
         read_mesh(tmp_path / ("a" * 5000))
     for module in (files, meshes):
-        monkeypatch.setattr(module, "MAX_BYTES", 1000)
+        monkeypatch.setattr(module, "MAX_MESH", 1000)
     with pytest.raises(FileError, match="more than 1000 bytes"):
         read_mesh(save(tmp_path, "vast.obj", "#" * 1001))
     with pytest.raises(FileError, match="unfolds to more than 1000 bytes"):

@@ -13,7 +13,7 @@ from small_scenes import studio
 from test_init import HEAVY, python
 
 PACKAGE = Path(rt.__file__).parent / "show"
-FUNCTIONS = {"bvh", "heatmap", "path", "samples", "error", "convergence"}
+FUNCTIONS = {"bvh", "heatmap", "live", "path", "samples", "error", "convergence"}
 
 
 def test_the_names_are_the_promised_ones():

@@ -1,6 +1,7 @@
 """First pass: from pixels and samples to rays."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raytrace.accel.lanes import load, packet, packet_width, sqrt, store, to_real
 from raytrace.jit import kernel
@@ -10,13 +11,18 @@ from raytrace.records import Camera, View
 
 def make_view(camera: Camera, size: tuple[int, int], dtype: np.dtype) -> View:
     """The camera for a film of ``size`` (width, height): square pixels, ``fov`` spans the height."""
-    forward = camera.look_at - camera.position
-    forward = forward / np.linalg.norm(forward)
-    right = np.cross(forward, camera.up / np.linalg.norm(camera.up))
+    forward = _unit(camera.look_at / 2 - camera.position / 2)  # halves: the difference of large numbers may overflow
+    right = np.cross(forward, _unit(camera.up))
     right = right / np.linalg.norm(right)
     pixel = 2.0 * np.tan(np.radians(camera.fov) / 2.0) / size[1]
     vectors = camera.position, forward, pixel * right, pixel * np.cross(forward, right), np.array(size) / 2.0
     return View(*(np.asarray(vector, dtype) for vector in vectors))
+
+
+def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit vector; the largest component is first brought to 1/2 .. 1, exactly, so that no square overflows."""
+    scaled = np.ldexp(vector, -np.frexp(np.abs(vector).max())[1])
+    return scaled / np.linalg.norm(scaled)
 
 
 @kernel

@@ -13,6 +13,7 @@ from raytrace.accel.lanes import PACKET
 from raytrace.jit import inlined, kernel
 
 BINS = 4
+MOST = float(np.finfo(np.float32).max)  # radiance of a picture
 LUMINANCE = 0.2126, 0.7152, 0.0722  # of linear Rec. 709 primaries   [ITU-R BT.709-6, 3.2]
 
 
@@ -28,7 +29,7 @@ class Film(NamedTuple):
 class Frame(NamedTuple):
     """What is known of the pixels of a window, row after row."""
 
-    rgb: NDArray[np.float32]  # (m, 3): mean radiance; 0 without a sample
+    rgb: NDArray[np.float32]  # (m, 3): mean radiance, at most the largest float32; 0 without a sample
     samples: NDArray[np.int32]  # (m,)
     variance: NDArray[np.float64]  # (m,): as of a film
     error: NDArray[np.float64]  # (m,): as of a film
@@ -122,5 +123,6 @@ def develop(film, at, frame):
         j = at[i]
         for k in range(3):
             total = (sums[k, i] + sums[3 + k, i]) + (sums[6 + k, i] + sums[9 + k, i])
-            rgb[j, k] = np.float32(total / max(samples[i], 1))
+            mean = total / max(samples[i], 1)
+            rgb[j, k] = np.float32(MOST if mean > MOST else mean)
         numbers[j], variances[j], errors[j] = samples[i], variance[i], error[i]

@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from raytrace.scene.problems import Problem, unknown_name
+from raytrace.scene.problems import MOST, Problem, unknown_name
 
 # sine of the angle between up and the view direction; the film's axes lose 1e-16 / PARALLEL of their direction
 PARALLEL = 1e-6
@@ -72,6 +72,8 @@ def check(data: dict[str, Any]) -> list[Problem]:
     materials = data.get("materials")
     objects = data.get("objects")
     for i, entry in enumerate(objects if isinstance(objects, list) else []):
+        if len(problems) > MOST:
+            break
         name = entry.get("material") if isinstance(entry, dict) else None
         if isinstance(name, str) and isinstance(materials, dict) and name not in materials:
             problems.append(Problem(("objects", i, "material"), unknown_name("material", name, materials)))

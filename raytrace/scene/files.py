@@ -6,21 +6,22 @@ from collections.abc import Iterator
 from pathlib import Path, PureWindowsPath
 from typing import NamedTuple
 
-from raytrace.errors import FileError, SceneError
-from raytrace.scene.problems import no_such_file, printable
+from raytrace.errors import FileError, SceneError, printable, shortened
+from raytrace.limits import MAX_MESH
+from raytrace.scene.problems import no_such_file
 
 FORMATS = ".obj", ".ply", ".stl", ".glb"
-MAX_BYTES = 2**30  # of a mesh file, unfolded: about 10 million triangles of OBJ, 50 million of binary PLY
 URI = re.compile(r"(?i)(file|data):|[a-z][a-z0-9+.-]+:/")  # a scheme of one letter is a drive   [RFC3986, 3.1]
 ALLOW = "move it there, or allow a folder: --root DIR, in Python load(..., root=DIR)"
 
 
 class Reach(NamedTuple):
-    """Where the files of a scene may lie: below its own folder, or one that the user allows."""
+    """Where the files of a scene may lie, and what they may take: below its own folder, or one that the user allows."""
 
     folder: Path  # of the scene file; of a dict the current one
     root: Path | None = None
     trusted: frozenset[str] = frozenset()  # what a program gave as a ``pathlib.Path``, which no file can hold
+    max_memory: int | None = None  # bytes that the process may take in all; None: what is free
 
     def find(self, mesh: str) -> Path:
         """Path of a mesh file; nothing outside is touched, not even to see whether it is there.
@@ -30,16 +31,16 @@ class Reach(NamedTuple):
         SceneError
             The scene may not read it.
         """
-        path = self.folder / mesh
+        path, name = self.folder / mesh, shortened(mesh, 200)
         if mesh in self.trusted or "\0" in mesh:  # no file has a name with a zero byte: it is not found
             return path
         if URI.match(mesh):
-            raise SceneError([f"{mesh}: a URI; name a file: nothing is fetched"])
+            raise SceneError([f"{name}: a URI; name a file: nothing is fetched"])
         # names with a drive or a share are refused wherever they are read, not only where they lead somewhere
         if PureWindowsPath(mesh).drive or not self._holds(os.path.abspath(path)):
-            raise SceneError([f"{mesh}: outside the scene's folder; {ALLOW}"])
+            raise SceneError([f"{name}: outside the scene's folder; {ALLOW}"])
         if not self._holds(real := os.path.realpath(path)):
-            raise SceneError([f"{mesh}: a link out of the scene's folder, to {real}; {ALLOW}"])
+            raise SceneError([f"{name}: a link out of the scene's folder, to {real}; {ALLOW}"])
         return path
 
     def _holds(self, path: str) -> bool:
@@ -88,5 +89,5 @@ def locate(path: Path) -> None:
     if format_of(path) not in FORMATS:
         known = ", ".join(FORMATS)
         raise SceneError([f"{path}: no mesh format that can be read (known: {known}, plain or with .gz)"])
-    if path.stat().st_size > MAX_BYTES:
-        raise FileError(f"{path}: more than {MAX_BYTES} bytes; split it or simplify it")
+    if path.stat().st_size > MAX_MESH:
+        raise FileError(f"{path}: more than {MAX_MESH} bytes; split it or simplify it")

@@ -9,17 +9,20 @@ import base64
 import binascii
 import json
 from collections.abc import Iterator
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.limits import MAX_TRIANGLES
 from raytrace.records import RawMesh
 from raytrace.scene.rawmesh import Matrix, transform
 
 HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_punctual")  # extensions: no shape in them
 MAGIC, JSON, BIN = b"glTF", b"JSON", b"BIN\0"
 MAX_JSON = 2**24  # bytes of the JSON chunk: it takes 30 times as much memory
+MAX_PARTS = 2**16  # of meshes, each as often as nodes place it: a few seconds
 TRIANGLES, STRIP, FAN = 4, 5, 6
 INDEX = {5121: "<u1", 5123: "<u2", 5125: "<u4"}
 FLOAT = {5126: "<f4"}
@@ -34,13 +37,15 @@ class Instance(NamedTuple):
     matrix: Matrix  # (4, 4), applied to columns
 
 
-def read_glb(data: bytes) -> list[RawMesh]:
+def read_glb(data: bytes, most: float = MAX_TRIANGLES) -> list[RawMesh]:
     """Read the triangles of all nodes of the scene of a GLB file, each where its transforms put it.
 
     Parameters
     ----------
     data : bytes
         The file's content.
+    most : float
+        Triangles that it may have: nodes may place a mesh any number of times.
 
     Raises
     ------
@@ -58,12 +63,17 @@ def read_glb(data: bytes) -> list[RawMesh]:
     if unknown:
         names = ", ".join(map(str, unknown[:5]))
         raise ValueError(f"it needs extensions that are not supported: {names}; export it without them")
-    file = _File(document, chunk)
-    return [
-        transform(mesh, matrix[:3, :3], matrix[:3, 3])
-        for primitive, matrix in _instances(document)
-        if (mesh := file.mesh(primitive)) is not None
-    ]
+    file, parts, count = _File(document, chunk), list[RawMesh](), 0
+    instances = list(islice(_instances(document), MAX_PARTS + 1))
+    if len(instances) > MAX_PARTS:
+        raise ValueError(f"its nodes place more than {MAX_PARTS} parts of meshes; join some")
+    for primitive, matrix in instances:
+        if (mesh := file.mesh(primitive)) is not None:
+            count += len(mesh.faces)
+            if count > most:
+                raise ValueError(f"its nodes place more than {int(most):,} triangles, too many for limits or memory")
+            parts.append(transform(mesh, matrix[:3, :3], matrix[:3, 3]))
+    return parts
 
 
 def _chunks(data: bytes) -> tuple[Record, memoryview]:

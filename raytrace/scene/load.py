@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from raytrace.records import Scene
 
 
-def load(source: str | Path | dict[str, Any], root: str | Path | None = None) -> "Scene":
+def load(source: str | Path | dict[str, Any], root: str | Path | None = None, max_memory: int | None = None) -> "Scene":
     """Load and check a scene.
 
     Parameters
@@ -27,6 +27,8 @@ def load(source: str | Path | dict[str, Any], root: str | Path | None = None) ->
     root : str or pathlib.Path, optional
         A folder whose files the scene may read too. Without it, it reads files below its own folder (of a dict: the
         current one), and those that a dict names by a ``pathlib.Path``.
+    max_memory : int, bytes, optional
+        What the process may take in all; a scene that takes more is refused. Default: what is free.
 
     Returns
     -------
@@ -37,7 +39,7 @@ def load(source: str | Path | dict[str, Any], root: str | Path | None = None) ->
     SceneError
         The scene or a mesh has wrong content, or a mesh lies elsewhere; a line for each problem.
     FileError
-        The scene can't be read; or it is right, but a mesh can't be read.
+        The scene can't be read; or it is right, but a mesh can't be read, or they take too much memory.
 
     Examples
     --------
@@ -50,7 +52,7 @@ def load(source: str | Path | dict[str, Any], root: str | Path | None = None) ->
     else:
         path = Path(source)
         text = read_file(path)
-    reach = Reach(path.parent if path else Path(), check_root(root), text.trusted)
+    reach = Reach(path.parent if path else Path(), check_root(root), text.trusted, max_memory)
     data = text.parse()
     origins: positions.Origins = {}
     problems: list[Problem] = []

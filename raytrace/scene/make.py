@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from raytrace.errors import FileError, SceneError
+from raytrace.limits import MAX_TRIANGLES
+from raytrace.memory import Allowance, Joining
 from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Lights, Materials, Mesh, RawMesh, Scene, Settings
 from raytrace.scene import checks
 from raytrace.scene.files import Reach
@@ -79,20 +81,43 @@ def _place_all(scene: Any, reach: Reach) -> tuple[list[Placed], list[Problem]]:
     """Read each mesh file once, and put it where the objects want it."""
     rows = {name: row for row, name in enumerate(scene.materials)}
     read: dict[str, RawMesh | None] = {}
-    placed, problems = [], []
+    placed, problems = list[Placed](), list[Problem]()
+    allowance, joining = Allowance(reach.max_memory), Joining()
     for i, entry in enumerate(scene.objects):
         try:
             if entry.mesh not in read:
                 read[entry.mesh] = None  # a broken file is told once
-                read[entry.mesh] = read_mesh(reach.find(entry.mesh))
+                read[entry.mesh] = mesh = read_mesh(reach.find(entry.mesh), allowance)
+                allowance.left -= sum(array.nbytes for array in mesh if array is not None)
             raw = read[entry.mesh]
             if raw is not None:
+                joining = joining.with_object(len(raw.faces), len(raw.vertices), _smoothness(raw, entry))
+                _afford(joining, allowance)
                 placed.append(place(raw, entry, rows[entry.material]))
+        except _TooLargeError as error:  # and more would not make it smaller
+            return [], [*problems, Problem(("objects", i, "mesh"), str(error), unreadable=True)]
         except (SceneError, FileError) as error:
             problems.append(mesh_problem(i, error))
         except ValueError as error:
             problems.append(Problem(("objects", i), str(error)))
     return placed, problems
+
+
+class _TooLargeError(FileError):
+    """A scene that no cure of one mesh makes small enough."""
+
+
+def _smoothness(raw: RawMesh, entry: Any) -> int:
+    """0: flat; 1: the file has its normals; 2: they are averages."""
+    return 0 if entry.normals == "flat" else 1 if raw.normals is not None else 2
+
+
+def _afford(joining: Joining, allowance: Allowance) -> None:
+    """Refuse so many triangles."""
+    if joining.triangles > MAX_TRIANGLES:
+        raise _TooLargeError(f"with this object there are {joining.triangles:,} triangles; at most {MAX_TRIANGLES:,}")
+    if lacks := allowance.lacks(joining.total(), "simplify the meshes, or use fewer objects"):
+        raise _TooLargeError(f"the scene, of {joining.triangles:,} triangles with this object, {lacks}")
 
 
 def _materials(scene: Any) -> Materials:

@@ -1,42 +1,71 @@
 """Mesh files to arrays, by readers that believe nothing of what a file announces."""
 
 import gzip
+import io
 import zlib
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from raytrace.errors import FileError, SceneError
+from raytrace.errors import FileError, SceneError, shortened
+from raytrace.limits import MAX_MESH, MAX_TRIANGLES
+from raytrace.memory import Allowance, of_reading
 from raytrace.records import RawMesh
-from raytrace.scene.files import MAX_BYTES, format_of, locate
+from raytrace.scene.files import format_of, locate
 from raytrace.scene.glb import read_glb
 from raytrace.scene.obj import ObjError, read_obj
 from raytrace.scene.ply import read_ply
 from raytrace.scene.rawmesh import concatenate
 from raytrace.scene.stl import read_stl
 
-READERS: dict[str, Callable[[bytes], list[RawMesh | None]]] = {
-    ".obj": lambda data: [read_obj(data)],
-    ".ply": lambda data: [read_ply(data)],
-    ".stl": lambda data: [read_stl(data)],
-    ".glb": lambda data: list(read_glb(data)),
+READERS: dict[str, Callable[[bytes, float], list[RawMesh | None]]] = {  # of a file's content, and triangles at most
+    ".obj": lambda data, _: [read_obj(data)],
+    ".ply": lambda data, _: [read_ply(data)],
+    ".stl": lambda data, _: [read_stl(data)],
+    ".glb": lambda data, most: list(read_glb(data, most)),
 }
+PLACED = 200  # bytes of a triangle that a node places
 
 
-def _read_bytes(path: Path) -> bytes:
+MAX_REASON = 300  # characters
+PIECE = 2**20  # bytes of a compressed file that are unfolded at a time
+SPACES = 32  # characters up to this one part words
+
+
+def _read_bytes(path: Path, allowance: Allowance) -> bytes:
     try:
         if path.suffix.lower() != ".gz":
+            _afford(path, path.stat().st_size, None, allowance)
             return path.read_bytes()
         with gzip.open(path) as file:
-            data = file.read(MAX_BYTES + 1)
+            data = io.BytesIO()
+            while piece := file.read(PIECE):
+                data.write(piece)
+                if data.tell() > MAX_MESH:
+                    raise FileError(f"{path}: unfolds to more than {MAX_MESH} bytes; split it or simplify it")
+                _afford(path, data.tell(), None, allowance)
+            return data.getvalue()
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise SceneError([f"{path}: broken or truncated gzip file: {error}"]) from None
+    except FileError:
+        raise
     except OSError as error:
         raise FileError(f"{path}: can't be read: {error.strerror or error}") from None
-    if len(data) > MAX_BYTES:
-        raise FileError(f"{path}: unfolds to more than {MAX_BYTES} bytes; split it or simplify it")
-    return data
+
+
+def _afford(path: Path, length: int, words: int | None, allowance: Allowance) -> None:
+    """Refuse a file that takes more memory than there is."""
+    if lacks := allowance.lacks(of_reading(format_of(path), length, words), "split it or simplify it"):
+        raise FileError(f"{path}: {lacks}")
+
+
+def _words(data: bytes, kind: str) -> int | None:
+    """At most so many words are in a text; None: it is none."""
+    text = kind == ".obj" or (kind == ".ply" and b"format ascii" in data[:1000]) or data[:5] == b"solid"
+    if not text:
+        return None
+    return int(np.count_nonzero(np.frombuffer(data, np.uint8) <= SPACES)) + data.count(b"/") * (kind == ".obj")
 
 
 def _check(mesh: RawMesh, path: Path) -> None:
@@ -51,13 +80,15 @@ def _check(mesh: RawMesh, path: Path) -> None:
         raise SceneError([f"{path}: {text}, counted from 0"])
 
 
-def read_mesh(path: Path) -> RawMesh:
+def read_mesh(path: Path, allowance: Allowance | None = None) -> RawMesh:
     """Read all triangles of a mesh file; several parts become one, each where its transforms put it.
 
     Parameters
     ----------
     path : pathlib.Path
         An OBJ, PLY, STL or GLB file, plain or compressed with gzip.
+    allowance : Allowance, optional
+        Memory that it may take; by default what is free.
 
     Returns
     -------
@@ -78,17 +109,19 @@ def read_mesh(path: Path) -> RawMesh:
     raytrace.errors.FileError: nowhere/box.obj: no such file; there is no folder nowhere
     """
     locate(path)
-    data = _read_bytes(path)
-    kind = format_of(path)
+    allowance = allowance or Allowance()
+    data, kind = _read_bytes(path, allowance), format_of(path)
+    _afford(path, len(data), _words(data, kind), allowance)
+    most = min(MAX_TRIANGLES, allowance.left / PLACED)
     try:
         with np.errstate(all="ignore"):  # what is not finite is found below
-            parts = [part for part in READERS[kind](data) if part is not None]
+            parts = [part for part in READERS[kind](data, most) if part is not None]
     except ObjError as error:
         raise SceneError([f"{path}:{error.line}: {error}"]) from None
-    except MemoryError:
+    except MemoryError:  # less than seemed free
         raise FileError(f"{path}: not enough memory to read it; split it or simplify it") from None
     except (ValueError, OverflowError, RecursionError) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
+        reason = shortened(" ".join(str(error).split()) or type(error).__name__, MAX_REASON)
         raise SceneError([f"{path}: no complete {kind[1:].upper()} file: {reason}"]) from error
     if not sum(len(part.faces) for part in parts):
         raise SceneError([f"{path}: no triangles in it"])

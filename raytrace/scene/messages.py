@@ -7,7 +7,7 @@ from pydantic import BaseModel, ValidationError
 
 from raytrace.scene import schema
 from raytrace.scene.positions import Path
-from raytrace.scene.problems import Problem, at, nearest, quote, unknown_key, unknown_name
+from raytrace.scene.problems import MOST, Problem, at, nearest, quote, unknown_key, unknown_name
 
 MODELS: dict[Path, type[BaseModel]] = {  # "*" stands for any name or index
     (): schema.SceneFile,
@@ -91,7 +91,7 @@ def tell(error: ValidationError, data: Any) -> list[Problem]:
         In pydantic's order; several numbers that lack in one list are one problem, and so are a misspelt key and the
         lack of the right one.
     """
-    errors = error.errors(include_url=False)
+    errors = error.errors(include_url=False)[: MOST + 1]
     # a number that lacks is an error each; the last one of a list stands for all
     lacking = {entry["loc"][:-1]: entry for entry in errors if entry["type"] == "missing"}
     unknown = [entry["loc"] for entry in errors if entry["type"] == "extra_forbidden"]

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.errors import shortened
 from raytrace.records import RawMesh
 
 Words = list[bytes]
@@ -52,10 +53,11 @@ def _lines(data: bytes) -> Words:
         return lines
     begun: Words = []
     for i, line in enumerate(lines):
-        words = begun + line.partition(b"#")[0].split()
-        continued = bool(words) and words[-1].endswith(b"\\")
-        begun = [*words[:-1], words[-1][:-1]] if continued else []
-        lines[i] = b"" if continued else b" ".join(words)
+        begun += line.partition(b"#")[0].split()
+        if begun and begun[-1].endswith(b"\\"):
+            begun[-1], lines[i] = begun[-1][:-1], b""
+        else:
+            begun, lines[i] = [], b" ".join(begun)
     return lines
 
 
@@ -77,6 +79,10 @@ def _gather(lines: Words, key: bytes, most: int) -> _Statements:
     return _Statements(list(chain.from_iterable(rows)), numbers, sizes)
 
 
+def _shown(word: bytes) -> str:
+    return repr(shortened(word.decode("utf-8", "replace")))
+
+
 def _convert(words: Words, kind: Callable[[bytes], Any], what: str, line_of: Callable[[int], int]) -> NDArray[Any]:
     """Turn words into an array, or blame the line of the first that won't."""
     dtype = np.dtype(np.float64 if kind is float else np.int64)
@@ -87,7 +93,7 @@ def _convert(words: Words, kind: Callable[[bytes], Any], what: str, line_of: Cal
             try:
                 dtype.type(kind(word))
             except (ValueError, OverflowError):
-                raise ObjError(line_of(i), f"expected {what}, got {word.decode('utf-8', 'replace')!r}") from None
+                raise ObjError(line_of(i), f"expected {what}, got {_shown(word)}") from None
         raise
 
 
@@ -117,7 +123,7 @@ def _parts(corners: Words, lines: Integers) -> tuple[Words, Words]:
         return corners, [b"0"] * len(corners)
     if max(slashes) > 2:
         first = next(i for i, count in enumerate(slashes) if count > 2)
-        text = f"expected a corner v, v/vt, v//vn or v/vt/vn, got {corners[first].decode('utf-8', 'replace')!r}"
+        text = f"expected a corner v, v/vt, v//vn or v/vt/vn, got {_shown(corners[first])}"
         raise ObjError(int(lines[first]), text)
     if slashes.count(2) < len(corners):
         corners = [corner + b"/" * (2 - count) for corner, count in zip(corners, slashes, strict=True)]

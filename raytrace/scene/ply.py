@@ -175,10 +175,14 @@ def _even(source: Source, element: Element) -> Numbers | None:
 
 def _uneven(source: Source, element: Element) -> Numbers:
     """All numbers of an element, row by row."""
-    steps = [[_step(source, element, row, prop) for prop in element.properties] for row in range(element.rows)]
+    if element.rows > source.end - source.at:  # a row has a unit at least: nothing is made of more
+        raise ValueError(f"the file ends before the {element.rows} rows of element {element.name} do")
+    steps = np.empty((2, len(element.properties), element.rows), np.int64)
+    for row in range(element.rows):
+        for k, prop in enumerate(element.properties):
+            steps[:, k, row] = _step(source, element, row, prop)
     found = {}
-    for prop, column in zip(element.properties, zip(*steps, strict=True), strict=True):
-        counts, begins = np.array(column, np.int64).T
+    for prop, counts, begins in zip(element.properties, *steps, strict=True):
         within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         places = np.repeat(begins, counts) + within * source.size(prop.kind)
         found[prop.name] = counts, source.numbers(prop.kind, places)

@@ -6,8 +6,11 @@ from collections.abc import Iterable
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
-from raytrace.errors import FileError, SceneError
+from raytrace.errors import FileError, SceneError, printable, shortened
 from raytrace.scene.positions import Path
+
+MOST = 100  # problems that are told of one scene
+SEARCHED = 1000  # names that are compared with a misspelt one
 
 
 class Problem(NamedTuple):
@@ -37,18 +40,7 @@ def quote(value: Any) -> str:
     if isinstance(value, list):
         return f"a list of {len(value)}"
     text = json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= 60 else text[:56] + "..."
-
-
-def printable(text: Any) -> str:
-    r"""Write what can't be printed in one line as escapes.
-
-    Examples
-    --------
-    >>> printable("two\nlines")
-    'two\\nlines'
-    """
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))
+    return shortened(text)
 
 
 def nearest(word: Any, known: Iterable[str]) -> str | None:
@@ -59,7 +51,7 @@ def nearest(word: Any, known: Iterable[str]) -> str | None:
     >>> nearest("albeedo", ["type", "albedo"])
     'albedo'
     """
-    return next(iter(difflib.get_close_matches(str(word), list(known), n=1)), None)
+    return next(iter(difflib.get_close_matches(str(word)[:100], list(known)[:SEARCHED], n=1)), None)
 
 
 def _hint(word: Any, known: list[str]) -> str:

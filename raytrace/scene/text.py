@@ -7,11 +7,13 @@ from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from raytrace.errors import FileError, SceneError
+from raytrace.errors import FileError, SceneError, printable, shortened
+from raytrace.limits import MAX_SCENE
 from raytrace.scene import positions
-from raytrace.scene.problems import Problem, no_such_file, printable, quote
+from raytrace.scene.problems import MOST, Problem, no_such_file, quote
 
 MAX_NESTING = 100  # the format itself needs 4
+MAX_TEXT = 500  # characters of what is told of a problem
 MAX_DIGITS = 300  # of whole numbers; the largest float64 has 309
 SYNTAX = {  # what the json module says -> what to do
     "Expecting value": "expected a value; is there a comma too many?",
@@ -73,14 +75,17 @@ class Text:
 
     def error(self, problems: list[Problem], origins: positions.Origins) -> SceneError | FileError:
         """Make one error of all problems: one of files where nothing else is wrong."""
-        lines = self.tell(problems, origins)
+        lines = self.tell(problems[:MOST], origins)
+        if len(problems) > MOST:
+            lines.append(f"{self.name}: and more: these are the first {MOST}")
         if all(problem.unreadable for problem in problems):
             return FileError("\n".join(lines))
         return SceneError(lines)
 
     def _line(self, where: positions.Positions, offset: int, path: positions.Path, text: str) -> str:
         place = ":".join(map(str, (self.name, *where.line_column(offset)))) if self.in_file else self.name
-        return printable(": ".join(part for part in (place, positions.show(path), text) if part))
+        parts = place, shortened(positions.show(path), 200), shortened(text, MAX_TEXT)
+        return printable(": ".join(part for part in parts if part))
 
     def _refuse(self, offset: int, text: str) -> NoReturn:
         raise SceneError([self._line(positions.Positions(self.text), offset, (), text)])
@@ -127,8 +132,9 @@ class Text:
         if doubtful:
             where = positions.scan(self.text)
             problems = [Problem(path, f"repeated key {quote(path[-1])}; keep one", True) for path, _ in where.repeated]
-            problems += [Problem(path, f"expected a finite number, got {word}") for path, word in where.infinite]
-            raise SceneError(self.tell(problems, {}))
+            infinite = [(path, shortened(word)) for path, word in where.infinite]
+            problems += [Problem(path, f"expected a finite number, got {word}") for path, word in infinite]
+            raise self.error(problems, {})
         if "\\ud" in self.text.lower():
             self._refuse_half_characters()
         if not isinstance(data, dict):
@@ -156,7 +162,7 @@ def read_file(path: Path) -> Text:
     SceneError
         It is not UTF-8.
     FileError
-        It is missing, a directory or can't be read.
+        It is missing, a directory, too large or can't be read.
     """
     name = printable(path)
     try:
@@ -166,6 +172,8 @@ def read_file(path: Path) -> Text:
             raise FileError(no_such_file(path))
         if not path.is_file():
             raise FileError(f"{name}: no regular file; name a scene file")
+        if path.stat().st_size > MAX_SCENE:
+            raise FileError(f"{name}: more than {MAX_SCENE} bytes; a scene file only names its meshes")
         data = path.read_bytes()
     except FileError:
         raise

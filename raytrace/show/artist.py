@@ -43,11 +43,11 @@ class Artist:
     send : callable
         Takes a Frame, in that thread.
     fail : callable
-        Takes what is wrong with a scene, in that thread.
+        Takes what went wrong, in that thread.
     """
 
     def __init__(
-        self, make: Callable[[], Scene], send: Callable[[Frame], None], fail: Callable[[RaytraceError], None]
+        self, make: Callable[[], Scene], send: Callable[[Frame], None], fail: Callable[[Exception], None]
     ) -> None:
         self._make, self._send, self._fail = make, send, fail
         self._lock, self._wanted, self._busy = threading.Lock(), threading.Event(), False
@@ -73,6 +73,10 @@ class Artist:
                 continue
             except RaytraceError as error:
                 self._fail(error)
+            except Exception as error:
+                self._busy = False  # this thread ends; the next picture has another
+                self._fail(error)
+                raise
 
     def _next(self) -> bool:
         with self._lock:
@@ -100,7 +104,7 @@ class _Easel(Sketch):
         """Send the picture if it is time."""
         if progress.stage != "rendering":
             return
-        if self._artist.stale():
+        if self._next and self._artist.stale():  # the first frame is worth its while: a hand that moves needs some
             raise _Stale
         if time.perf_counter() >= self._next and self.whole():
             self._artist.send(self.picture(MAX_SIDE), float(self.samples.mean()))

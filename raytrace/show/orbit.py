@@ -32,9 +32,20 @@ def turned(camera: Camera, azimuth: float, elevation: float, distance: float) ->
     radius = np.linalg.norm(offset)
     level = offset - (offset @ up) * up
     level /= np.linalg.norm(level)  # never 0: a scene whose camera looks along its up is refused
-    height = np.degrees(np.arcsin(np.clip(offset @ up / radius, -1, 1)))
-    pole = max(POLE, abs(height))
-    turn, tilt = np.radians(azimuth), np.radians(np.clip(height + elevation, -pole, pole))
+    turn, tilt = np.radians(azimuth), np.radians(_height(camera) + np.clip(elevation, *reach(camera)))
     level = np.cos(turn) * level + np.sin(turn) * np.cross(up, level)
     offset = distance * radius * (np.cos(tilt) * level + np.sin(tilt) * up)
     return camera._replace(position=camera.look_at + offset)
+
+
+def reach(camera: Camera) -> tuple[float, float]:
+    """How far a camera may be turned down, and up, degrees; no farther where it is beyond a pole's neighbourhood."""
+    height = _height(camera)
+    return min(-POLE - height, 0.0), max(POLE - height, 0.0)
+
+
+def _height(camera: Camera) -> float:
+    """Degrees above the horizon of what a camera looks at."""
+    offset = camera.position - camera.look_at
+    sine = offset @ camera.up / (np.linalg.norm(offset) * np.linalg.norm(camera.up))
+    return float(np.degrees(np.arcsin(np.clip(sine, -1, 1))))

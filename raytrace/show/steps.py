@@ -82,7 +82,7 @@ class _Recorder(Wavefront):
 
     def first(self, field: NDArray[np.floating]) -> NDArray[np.floating]:
         """x, y and z of the first ray."""
-        return field[:: self.n].copy()
+        return field.reshape(3, -1)[:, 0].copy()
 
     def _closest(self, batch: Batch, origins: Columns, count: int) -> None:
         super()._closest(batch, origins, count)

@@ -3,9 +3,12 @@
 const DEGREES = 0.5; // a pixel of the hand's way
 const STEP = 5; // degrees, an arrow key
 const ZOOM = 0.0015; // of the wheel's way, natural logarithm of distance
+const DISTANCES = [0.1, 10]; // of the scene's own
 const CLICK = 4; // pixels of the hand's way that are still a click
-const PATIENCE = 2000; // ms until a picture that doesn't come is asked for again
+const AHEAD = 2; // pictures on their way: one is drawn while the other one is sent and shown
+const PATIENCE = 2000; // ms until a picture that doesn't come is waited for no more
 const LARGE = 512; // pixels of the screen that the longer side of the picture takes, about
+const MANY = 16; // pictures of a hand that moves by which their pace is told
 const PAUSE = 400; // ms without a new picture after which a hand rests
 
 function element(kind, parent, properties = {}) {
@@ -14,12 +17,12 @@ function element(kind, parent, properties = {}) {
   return made;
 }
 
-// Sends what has changed, but only when the picture of what was sent before is here: no queue, and none is stale.
+// Sends what has changed, but only while few pictures are still on their way: no queue builds up, and none is stale.
 class Line {
   constructor(model) {
     this.model = model;
     this.changes = null;
-    this.waiting = null;
+    this.sent = this.shown = model.get("turn"); // newest turn that was sent, and whose picture is here
   }
 
   set(changes) {
@@ -32,25 +35,30 @@ class Line {
     return this.changes?.[name] ?? this.model.get(name);
   }
 
+  moving() {
+    return this.changes !== null || this.shown < this.sent;
+  }
+
   flush() {
-    if (this.waiting !== null || this.changes === null) return;
-    this.waiting = setTimeout(() => this.arrived(), PATIENCE);
-    this.model.set(this.changes);
+    if (this.changes === null || this.sent - this.shown >= AHEAD) return;
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.arrived(this.sent), PATIENCE);
+    this.sent = this.model.get("turn") + 1;
+    this.model.set({ ...this.changes, turn: this.sent });
     this.changes = null;
     this.model.save_changes();
   }
 
-  arrived() {
-    clearTimeout(this.waiting);
-    this.waiting = null;
+  arrived(turn) {
+    this.shown = Math.max(this.shown, turn);
     this.flush();
   }
 }
 
 function slider(knobs, line, { label, low, high, step, read, write, tell }) {
   const row = element("label", knobs, { textContent: label });
+  const input = element("input", row, { type: "range", min: low, max: high, step }); // first: it is what is labelled
   const output = element("output", row);
-  const input = element("input", row, { type: "range", min: low, max: high, step });
   input.oninput = () => {
     line.set(write(Number(input.value)));
     output.value = tell();
@@ -88,11 +96,12 @@ function sliders(knobs, line, model) {
 }
 
 // Drag to turn, wheel to come nearer, click to choose a pixel; or arrow keys, + and -.
-function listen(canvas, line, choose) {
+function listen(canvas, line, reach, choose) {
+  const within = (value, [low, high]) => Math.min(Math.max(value, low), high);
   const turn = (right, up) =>
-    line.set({ azimuth: line.get("azimuth") + right, elevation: line.get("elevation") + up });
+    line.set({ azimuth: line.get("azimuth") + right, elevation: within(line.get("elevation") + up, reach) });
   const move = (logarithm) =>
-    line.set({ distance: Math.min(Math.max(line.get("distance") * Math.exp(logarithm), 0.1), 10) });
+    line.set({ distance: within(line.get("distance") * Math.exp(logarithm), DISTANCES) });
   let way = 0; // of the hand since it went down
   canvas.onpointerdown = (event) => {
     way = 0;
@@ -141,13 +150,15 @@ function render({ model, el }) {
   const reset = element("button", knobs, { textContent: "as in the file" });
   const status = element("div", knobs, { className: "status" });
   element("div", knobs, { className: "note", textContent: "Drag to turn, wheel to zoom, click for a pixel's path." });
-  const update = () => shown.forEach((show) => show());
+  const update = () => {
+    if (line.changes === null) shown.forEach((show) => show());
+  };
   const first = { azimuth: 0, elevation: 0, distance: 1, power: 1, ior: model.get("first_ior") };
   reset.onclick = () => {
     line.set(first);
     update();
   };
-  listen(canvas, line, (right, down) => {
+  listen(canvas, line, model.get("reach"), (right, down) => {
     const pixel = [Math.floor(right * width), Math.floor(down * height)];
     mark.style.left = `${scale * (pixel[0] + 0.5)}px`;
     mark.style.top = `${scale * (pixel[1] + 0.5)}px`;
@@ -157,37 +168,40 @@ function render({ model, el }) {
   });
 
   const times = []; // ms: of the last pictures of a hand that moves
-  const paint = async ({ type, samples }, data) => {
+  const paint = async ({ type, samples, turn }, data) => {
     const bitmap = await createImageBitmap(new Blob([data], { type }));
     canvas.getContext("2d").drawImage(bitmap, 0, 0);
-    const now = performance.now(), moving = line.waiting !== null;
+    const now = performance.now(), moving = line.moving();
     if (now - times.at(-1) > PAUSE) times.length = 0;
     if (moving) times.push(now);
-    if (times.length > 30) times.shift();
-    const pace = times.length > 5 ? `, ${Math.round((1000 * (times.length - 1)) / (now - times[0]))} frames/s` : "";
-    status.textContent = `${samples < 10 ? samples.toFixed(1) : Math.round(samples)} samples a pixel${moving ? pace : ""}`;
-    canvas.dataset.frames = Number(canvas.dataset.frames ?? 0) + 1;
-    canvas.dataset.samples = samples;
-    canvas.dataset.type = type;
-    line.arrived();
+    if (!moving || times.length === MANY) {
+      status.textContent = `${samples < 10 ? samples.toFixed(1) : Math.round(samples)} samples a pixel`;
+      if (moving) status.textContent += `, ${Math.round((1000 * (MANY - 1)) / (now - times[0]))} frames/s`;
+      times.length = 0;
+    }
+    canvas.dataset.frames = Number(canvas.dataset.frames ?? 0) + (turn > line.shown); // that followed the hand
+    Object.assign(canvas.dataset, { samples, turn, type });
+    line.arrived(turn);
   };
+  let last = Promise.resolve(); // pictures are painted in the order in which they come
   const hear = (message, buffers) => {
-    if (message.kind === "frame") paint(message, buffers[0]);
+    if (message.kind === "frame") last = last.then(() => paint(message, buffers[0]));
     if (message.kind === "path") path.innerHTML = message.html;
     if (message.kind === "trouble") status.textContent = path.textContent = message.text;
   };
   const moved = () => {
-    if (line.changes === null) update();
-    mark.hidden = true;
+    if (!mark.hidden) mark.hidden = true;
   };
-  const names = "change:azimuth change:elevation change:distance change:power change:ior change:spp";
+  const places = "change:azimuth change:elevation change:distance", values = "change:power change:ior change:spp";
   model.on("msg:custom", hear);
-  model.on(names, moved);
+  model.on(places, moved);
+  model.on(values, update);
   update();
   model.send({ kind: "draw" });
   return () => {
     model.off("msg:custom", hear);
-    model.off(names, moved);
+    model.off(places, moved);
+    model.off(values, update);
   };
 }
 

@@ -15,6 +15,7 @@ from raytrace.scene.make import fingerprint
 from raytrace.show.artist import Artist, Frame
 from raytrace.show.journey import path
 from raytrace.show.knobs import Knobs, changed, refractive
+from raytrace.show.orbit import reach
 from raytrace.show.subject import Subject
 
 STILL = 16  # samples a pixel of the picture that stands in where widgets do not run
@@ -56,7 +57,9 @@ class Viewer(AnyWidget):
     power = Float(1.0, min=0.0).tag(sync=True)
     ior = Dict().tag(sync=True)
     spp = Int(64, min=1, max=MAX_SPP).tag(sync=True)
+    turn = Int().tag(sync=True)  # counts what the browser has asked for
     size = List(Int()).tag(sync=True)
+    reach = List(Float()).tag(sync=True)  # least and largest elevation
     lights = Int().tag(sync=True)
     first_ior = Dict().tag(sync=True)
     about = Unicode().tag(sync=True)
@@ -64,11 +67,9 @@ class Viewer(AnyWidget):
     def __init__(self, subject: Subject, spp: int) -> None:
         scene = subject.scene
         self._subject, self._own = subject, refractive(scene)
-        self._artist = Artist(self._now, self._frame, self._trouble)
-        lights = len(scene.lights.flux)
-        super().__init__(
-            spp=spp, ior=self._own, first_ior=self._own, size=subject.settings.size, lights=lights, about=scene.about
-        )
+        self._artist = Artist(self._begin, self._frame, self._trouble)
+        about = {"about": scene.about, "lights": len(scene.lights.flux), "reach": reach(scene.camera)}
+        super().__init__(spp=spp, ior=self._own, first_ior=self._own, size=subject.settings.size, **about)
         self.observe(lambda _: self._artist.draw(), list(Knobs._fields))
         self.on_msg(self._hear)
 
@@ -88,6 +89,11 @@ class Viewer(AnyWidget):
         scene = self._now()
         return replace(scene, sha256=fingerprint(scene))
 
+    def _begin(self) -> Scene:
+        """What the artist is to draw."""
+        self._drawn = self.turn
+        return self._now()
+
     def _now(self) -> Scene:
         return changed(self._subject, Knobs(*(getattr(self, name) for name in Knobs._fields)))
 
@@ -97,16 +103,18 @@ class Viewer(AnyWidget):
             self._artist.draw()
         elif message["kind"] == "path":
             try:
-                drawing = path(self._now(), tuple(message["pixel"]))
+                self.send({"kind": "path", "html": path(self._now(), tuple(message["pixel"]))._repr_html_()})
             except RaytraceError as error:
                 self._trouble(error)
-            else:
-                self.send({"kind": "path", "html": drawing._repr_html_()})
+            except Exception as error:
+                self._trouble(error)
+                raise
 
     def _frame(self, frame: Frame) -> None:
-        self.send({"kind": "frame", "type": frame.kind, "samples": frame.samples}, [frame.data])
+        about = {"type": frame.kind, "samples": frame.samples, "turn": self._drawn}
+        self.send({"kind": "frame", **about}, [frame.data])
 
-    def _trouble(self, error: RaytraceError) -> None:
+    def _trouble(self, error: Exception) -> None:
         self.send({"kind": "trouble", "text": str(error)})
 
     def __repr__(self) -> str:
@@ -114,8 +122,6 @@ class Viewer(AnyWidget):
 
     def _repr_mimebundle_(self, **options: Any) -> Any:
         """What a notebook shows, and keeps: the widget, and a picture for where widgets do not run."""
-        bundle = super()._repr_mimebundle_(**options)
-        if bundle is None:  # the view has been closed
-            return None
+        data, about = super()._repr_mimebundle_(**options) or ({}, {})
         still = render(self._now(), spp=min(self.spp, STILL), progress=False)
-        return bundle[0] | {"image/png": still._repr_png_()}, bundle[1]
+        return data | {"image/png": still._repr_png_()}, about
