@@ -155,12 +155,13 @@ class Cluster:
             return False
         except (OSError, CancelledError) as error:
             flying.clear()  # nobody is there to be told
-            raise OptionError("cluster: the scheduler has gone; what came back is kept if there is a checkpoint") from error
+            raise OptionError("cluster: the scheduler has gone; a checkpoint has what came back") from error
         except KilledWorker as error:
             raise OptionError(f"cluster: {error}") from error
         finally:
-            with contextlib.suppress(OSError):
-                self._client.cancel(list(flying))
+            if flying:
+                with contextlib.suppress(OSError):
+                    self._client.cancel(list(flying))
 
     def _look(self) -> int:
         """Threads of all workers that are not refused; the answer may be old by `LOOK`."""

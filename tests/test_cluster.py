@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import raytrace as rt
+from raytrace.accel.lanes import BITS
 from raytrace.errors import OptionError
 from small_scenes import studio
 
@@ -189,7 +190,7 @@ def test_layers_are_traced_here(scene, pair):
 def test_machines_with_other_registers_draw_the_same_bits(machines):
     ask = {"size": SIZE, "spp": 64}
     for bits in (128, 256, 512):
-        machines.add(f"w{bits}", bits)
+        machines.add(f"w{bits}", 0 if bits == BITS else bits)  # its own: its kernels are there
     machines.wait(3)
     box = rt.load(BOX)
     here = rt.render(box, **ask)
@@ -215,7 +216,7 @@ def test_a_scene_travels_once_and_its_tree_is_built_once(scene, pair):
 
 
 def test_a_killed_worker_costs_no_more_than_its_own_unfinished_parts(scene, machines):
-    ask = {"size": (256, 256), "spp": 256}
+    ask = {"size": (256, 256), "spp": 48}
     machines.add("a")
     machines.add("b")
     machines.wait(2)
@@ -233,7 +234,7 @@ def test_a_killed_worker_costs_no_more_than_its_own_unfinished_parts(scene, mach
 
 
 def test_a_worker_that_joins_late_helps(scene, machines):
-    ask = {"size": (256, 256), "spp": 256}
+    ask = {"size": (256, 256), "spp": 96}
     machines.add("a")
     machines.wait(1)
 
@@ -272,7 +273,7 @@ def test_a_worker_of_another_version_is_refused_by_name(scene, machines, caplog)
 def test_a_scheduler_that_goes_is_told_and_the_checkpoint_stays(scene, machines, tmp_path):
     machines.add("a")
     machines.wait(1)
-    file, ask = tmp_path / "a.checkpoint", {"size": (256, 256), "spp": 64}
+    file, ask = tmp_path / "a.checkpoint", {"size": (256, 128), "spp": 16}
     ask_there = {
         "client": machines.client,
         "checkpoint": file,
@@ -293,7 +294,7 @@ def test_a_scheduler_that_goes_is_told_and_the_checkpoint_stays(scene, machines,
 
 
 def test_ctrl_c_cancels_what_is_under_way(scene, pair):
-    ask = {"size": (256, 256), "spp": 64}
+    ask = {"size": (256, 256), "spp": 16}
     part = rt.render(scene, client=pair.client, progress=once(3, interrupt), **ask)
     assert (part.complete, part.interrupted) == (False, True)
     assert part.aov["samples"].any()
@@ -342,7 +343,7 @@ def test_nobody_there_is_told():
 def test_parts_are_as_many_as_keep_all_busy_and_large_enough_for_the_scheduler(threads, samples, monkeypatch):
     monkeypatch.setattr(cluster, "RATE", 1e7)
     pixels = cluster.part_pixels(2**24, samples, threads)
-    assert 2**24 / pixels <= cluster.PARTS * threads + 1
+    assert 2**24 / pixels <= 1.01 * cluster.PARTS * threads
     assert pixels * samples / cluster.RATE >= 0.9 * cluster.TASK * threads  # seconds, as many as the scheduler takes
 
 
