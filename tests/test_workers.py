@@ -21,7 +21,7 @@ def calls(dtype):
     real, whole = np.zeros(16, dtype), np.zeros(16, np.int32)
     return [
         (background, (Hits(real, whole, real, real), np.zeros(48, dtype), np.zeros(3, dtype))),
-        (accumulate, (np.zeros(48, dtype), 0, np.zeros((12, 16)), 0, 16)),
+        (accumulate, (np.zeros(48, dtype), 0, 1, np.zeros((12, 16)), 0, 16)),
         (give_back, (real, 16, whole, real)),
     ]
 
