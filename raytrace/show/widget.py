@@ -37,8 +37,6 @@ class Viewer(AnyWidget):
         Index of refraction by name of a material; all others stay.
     spp : int
         Samples per pixel when the hand rests.
-    scene : Scene
-        As it is shown, with its size and samples, to be drawn or explained: ``rt.render(viewer.scene)``.
 
     Examples
     --------
@@ -85,7 +83,7 @@ class Viewer(AnyWidget):
 
     @property
     def scene(self) -> Scene:
-        """The scene as it is shown."""
+        """The scene as it is shown, with size and samples: draw it with ``rt.render(viewer.scene)``."""
         scene = self._now()
         return replace(scene, sha256=fingerprint(scene))
 
