@@ -6,6 +6,7 @@ device carried meanwhile (Linux), with all that the scheduler and the workers sa
 
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,42 +18,26 @@ from harness import ROOT, begin, finish, interleave, parser, show, table
 
 import raytrace as rt
 
-SCHEDULER = """
-import asyncio
-from distributed import Scheduler
-async def main():
-    async with Scheduler(host="127.0.0.1", port=0, dashboard=False) as scheduler:
-        print(scheduler.address, flush=True)
-        await scheduler.finished()
-asyncio.run(main())
-"""
-WORKER = """
-import asyncio, sys
-from distributed import Worker
-async def main():
-    async with Worker(sys.argv[1], nthreads=1, dashboard=False) as worker:
-        await worker.finished()
-asyncio.run(main())
-"""
+QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": ROOT}
 
 
 @contextmanager
 def workers(count: int) -> Iterator[Client]:
-    """A scheduler with so many workers of one thread, each a process."""
-    run = [sys.executable, "-c"]
-    scheduler = subprocess.Popen(
-        [*run, SCHEDULER], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-    )
-    address = scheduler.stdout.readline().strip()
-    processes = [subprocess.Popen([*run, WORKER, address], cwd=ROOT, stderr=subprocess.DEVNULL) for _ in range(count)]
-    try:
-        with Client(address, set_as_default=False) as client:
-            client.wait_for_workers(count)
-            yield client
-    finally:
-        for process in (*processes, scheduler):
-            process.terminate()
-            process.wait()
+    """A scheduler with so many workers of one thread, each a process, as a terminal starts them."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = str(Path(folder) / "scheduler.json")
+        run, known = [sys.executable, "-m"], ["--scheduler-file", file, "--no-dashboard"]
+        scheduler = [*run, "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", *known]
+        worker = [*run, "distributed.cli.dask_worker", "--nthreads", "1", "--no-nanny", *known]
+        processes = [subprocess.Popen(command, **QUIET) for command in (scheduler, *[worker] * count)]
+        try:
+            with Client(scheduler_file=file, set_as_default=False) as client:
+                client.wait_for_workers(count)
+                yield client
+        finally:
+            for process in processes[::-1]:
+                process.terminate()
+                process.wait()
 
 
 def carried() -> int:
@@ -65,7 +50,7 @@ def main() -> None:
     options = parser(__doc__, rounds=5)
     options.add_argument("--scene", default=ROOT / "scenes/cornell-box.json")
     options.add_argument("--size", type=int, default=512, help="pixels: side of the film (%(default)s)")
-    options.add_argument("--spp", type=int, default=512, help="samples per pixel (%(default)s)")
+    options.add_argument("--spp", type=int, default=2048, help="samples per pixel (%(default)s)")
     args = options.parse_args()
     found = begin()
     scene, ask = rt.load(args.scene), {"size": (args.size, args.size), "spp": args.spp}
