@@ -74,14 +74,14 @@ class Preview(Sketch):
         if progress.stage == "rendering":
             caption = f"rendering: {self.samples.mean():.3g} samples a pixel, {speed(progress)}"
             data = b64encode(png.encode(self.picture(SIDE), {}, QUICK)).decode()
-            self._say(caption, f'<img alt="" width="{self.window.width}" src="data:image/png;base64,{data}"><br>')
+            self._say(caption, f'<img alt="" width="{self.window.width}" src="data:image/png;base64,{data}">')
         elif progress.stage == "compiling":
             self._say(f"compiling kernels (first run only): {progress.done} of {progress.total}")
 
     def _say(self, text: str, picture: str = "") -> None:
         from IPython.display import display
 
-        bundle = {"text/plain": text, "text/html": f"{picture}<small>{text}</small>" if text else ""}
+        bundle = {"text/plain": text, "text/html": f"<div>{picture}</div><small>{text}</small>" if text else ""}
         if self._update is None:
             self._update = partial(display(bundle, raw=True, display_id=True).update, raw=True)
         else:
