@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from raytrace import parallel
+from raytrace.jit import PLAIN
 from raytrace.parallel import run, share_out, thread_count
 
 pytestmark = pytest.mark.nojit
