@@ -18,7 +18,7 @@ FIRST = 0.5  # s: a picture that is done sooner needs no preview
 PAUSE = 0.25  # s between two looks, at least
 SHARE = 0.02  # of the time: what looks may take
 SIDE = 768  # pixels of a preview's longer side, at most
-LONG = 1 << 24  # samples: half a second and more; with fewer, rounds over the whole film cost more than they show
+LONG = 1 << 26  # samples: seconds; then rounds over the whole film and looks take a tenth more of the quickest scene
 QUICK = 1  # level of zlib: a third of the time, half as much again of bytes
 INTERRUPTED = "interrupted: what is finished was returned"
 
