@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
 PARTS = 64  # of a picture, for each thread of the cluster: more gain little, as tests/bench/cluster_model.py shows
 TASK = 1e-3  # seconds that the scheduler takes for a task, so that n threads should take n of these for theirs
-SHORT = 0.05  # seconds that a part should take at least
-RATE = 1e7  # samples a second that a thread draws of a simple scene; of others fewer, so that parts take longer
+SHORT = 0.2  # seconds that a part should take at least: caller, scheduler and worker spend some 0.01 on it
+RATE = 2e7  # samples a second that a thread draws of a simple scene; of others fewer, so that parts take longer
 AHEAD = 3  # tasks that the scheduler is given ahead, for each thread
 LOOK = 1.0  # seconds between two looks at how many threads there are
 
@@ -72,7 +72,7 @@ def part_pixels(pixels: int, samples: int, threads: int) -> int:
     """How many pixels a part should have, of a picture of so many with so many samples each, for so many threads.
 
     >>> part_pixels(2**22, 256, 2), part_pixels(2**22, 256, 1000)
-    (32768, 39062)
+    (32768, 78125)
     """
     return max(pixels // (PARTS * threads), int(max(SHORT, TASK * threads) * RATE) // samples)
 

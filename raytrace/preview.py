@@ -18,7 +18,7 @@ FIRST = 0.5  # s: a picture that is done sooner needs no preview
 PAUSE = 0.25  # s between two looks, at least
 SHARE = 0.02  # of the time: what looks may take
 SIDE = 768  # pixels of a preview's longer side, at most
-LONG = 1 << 24  # samples: half a second and more; with fewer, rounds over the whole film cost more than they show
+LONG = 1 << 26  # samples: seconds; then rounds over the whole film and looks take a tenth more of the quickest scene
 QUICK = 1  # level of zlib: a third of the time, half as much again of bytes
 INTERRUPTED = "interrupted: what is finished was returned"
 
@@ -74,14 +74,14 @@ class Preview(Sketch):
         if progress.stage == "rendering":
             caption = f"rendering: {self.samples.mean():.3g} samples a pixel, {speed(progress)}"
             data = b64encode(png.encode(self.picture(SIDE), {}, QUICK)).decode()
-            self._say(caption, f'<img alt="" width="{self.window.width}" src="data:image/png;base64,{data}"><br>')
+            self._say(caption, f'<img alt="" width="{self.window.width}" src="data:image/png;base64,{data}">')
         elif progress.stage == "compiling":
             self._say(f"compiling kernels (first run only): {progress.done} of {progress.total}")
 
     def _say(self, text: str, picture: str = "") -> None:
         from IPython.display import display
 
-        bundle = {"text/plain": text, "text/html": f"{picture}<small>{text}</small>" if text else ""}
+        bundle = {"text/plain": text, "text/html": f"<div>{picture}</div><small>{text}</small>" if text else ""}
         if self._update is None:
             self._update = partial(display(bundle, raw=True, display_id=True).update, raw=True)
         else:

@@ -18,6 +18,7 @@ from raytrace.checkpoint import Checkpoint
 from raytrace.delivery import deliver
 from raytrace.errors import FileError
 from raytrace.journal import HEAD
+from same_pictures import assert_same
 from small_scenes import studio
 
 ROOT = Path(__file__).parents[1]
@@ -49,16 +50,6 @@ def file(tmp_path):
 def often(monkeypatch):
     monkeypatch.setattr(checkpoint, "EVERY", 0.0)
     monkeypatch.setattr(checkpoint, "SHARE", 1e9)
-
-
-def assert_same(picture, other):
-    assert picture.complete
-    assert other.complete
-    assert picture.rgb.tobytes() == other.rgb.tobytes()
-    assert picture.stderr.tobytes() == other.stderr.tobytes()
-    assert picture.aov["samples"].tobytes() == other.aov["samples"].tobytes()
-    for name in ("estimated_error", "estimated_error_linear", "samples", "target_reached"):
-        assert picture.stats[name] == other.stats[name]
 
 
 def stopping_after(count):
@@ -374,6 +365,20 @@ def test_a_signal_to_end_saves_what_is_finished_and_says_how_to_go_on(undisturbe
     drawn = (part["rgb"] != 0).all(axis=2)
     assert np.array_equal(part["rgb"][drawn], undisturbed["rgb"][drawn]) or not drawn.all()
     assert " finished parts\n" in finish(path, undisturbed)
+
+
+@posix
+def test_the_command_line_refuses_another_picture_in_one_line(tmp_path):
+    path = tmp_path / "a.npz"
+    process = start("-o", str(path), "--resume")
+    wait_for_parts(path)
+    process.kill()
+    process.communicate()
+    process = start("-o", str(path), "--resume", "--seed", "1")
+    out, said = process.communicate(timeout=60)
+    assert (process.returncode, out) == (4, "")
+    assert said == f"{path}.checkpoint: is of another picture (seed 0, not 1); delete it to begin this one\n"
+    assert not path.exists()
 
 
 @posix

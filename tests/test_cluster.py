@@ -14,6 +14,7 @@ import pytest
 import raytrace as rt
 from raytrace.accel.lanes import BITS
 from raytrace.errors import OptionError
+from same_pictures import assert_same
 from small_scenes import studio
 
 pytest.importorskip("distributed", reason="needs Dask: pip install '.[cluster]'")
@@ -139,14 +140,6 @@ def many_parts(monkeypatch):
     monkeypatch.setattr(cluster, "RATE", 1.0)
 
 
-def assert_same(picture, other):
-    assert picture.complete
-    assert other.complete
-    assert picture.rgb.tobytes() == other.rgb.tobytes()
-    assert picture.stderr.tobytes() == other.stderr.tobytes()
-    assert picture.aov["samples"].tobytes() == other.aov["samples"].tobytes()
-
-
 def once(count, act):
     """Progress that acts when so many parts are done."""
     acted = False
@@ -173,8 +166,6 @@ def test_a_cluster_draws_the_same_bits(scene, pair, way):
     here, events = rt.render(scene, **ask), []
     there = rt.render(scene, client=pair.client, progress=events.append, **ask)
     assert_same(here, there)
-    for name in ("samples", "estimated_error", "estimated_error_linear", "target_reached"):
-        assert there.stats[name] == here.stats[name]
     assert there.stats["seconds_by_pass"].keys() == here.stats["seconds_by_pass"].keys()
     assert {event.stage for event in events} <= {"rendering", "compiling"}
     drawn = [event for event in events if event.stage == "rendering"]
@@ -260,12 +251,11 @@ def test_a_worker_of_another_version_is_refused_by_name(scene, machines, caplog)
     assert_same(rt.render(scene, size=SIZE, spp=16), there)
     assert not machines.lines("old part")
     (told,) = [record.getMessage() for record in caplog.records if "refused" in record.getMessage()]
-    old = machines.client.scheduler_info(n_workers=-1)["workers"]
-    (address,) = [address for address, worker in old.items() if worker["name"] == "old"]
-    assert told.startswith(f"cluster: worker {address} is refused: it has raytrace 0.0.9 (")
-    assert f"not {rt.__version__} (" in told
     machines.remove("a")
     machines.wait(1)
+    (address,) = machines.client.nthreads()
+    assert told.startswith(f"cluster: worker {address} is refused: it has raytrace 0.0.9 (")
+    assert f"not {rt.__version__} (" in told
     with pytest.raises(OptionError, match="no worker is left that has raytrace"):
         rt.render(scene, size=SIZE, spp=16, client=machines.client)
 
@@ -341,7 +331,7 @@ def test_nobody_there_is_told():
 @pytest.mark.parametrize("threads", [1, 2, 100, 1000])
 @pytest.mark.parametrize("samples", [1, 64, 65536])
 def test_parts_are_as_many_as_keep_all_busy_and_large_enough_for_the_scheduler(threads, samples, monkeypatch):
-    monkeypatch.setattr(cluster, "RATE", 1e7)
+    monkeypatch.setattr(cluster, "RATE", 2e7)
     pixels = cluster.part_pixels(2**24, samples, threads)
     assert 2**24 / pixels <= 1.01 * cluster.PARTS * threads
     assert pixels * samples / cluster.RATE >= 0.9 * cluster.TASK * threads  # seconds, as many as the scheduler takes

@@ -6,7 +6,6 @@ from numba.core import cgutils, types
 from numba.core.typing.templates import signature
 
 from raytrace.accel import lanes
-from raytrace.accel.lanes import BITS
 from raytrace.accel.lanes_types import (
     ELEMENTS,
     I32,
@@ -94,13 +93,13 @@ def _emit_compress(builder, sig, args):
 
 taught(
     lambda a: signature(types.int64, a),
-    lambda builder, sig, args: I64(BITS // sig.args[0].dtype.bitwidth),
+    lambda builder, sig, args: I64(lanes.BITS // sig.args[0].dtype.bitwidth),
 )(lanes.packet_width)
 
 
 taught(
     lambda a: signature(types.int64, a),
-    lambda builder, sig, args: I64(min(4, BITS // sig.args[0].dtype.bitwidth)),
+    lambda builder, sig, args: I64(min(4, lanes.BITS // sig.args[0].dtype.bitwidth)),
 )(lanes.group_size)
 
 
@@ -152,7 +151,7 @@ taught(_rows_type, _emit_load_rows)(lanes.load_rows)
 
 
 taught(
-    lambda a: signature(Lanes(a.dtype, BITS // a.dtype.bitwidth), a),
+    lambda a: signature(Lanes(a.dtype, lanes.BITS // a.dtype.bitwidth), a),
     lambda b, sig, args: ir.Constant(vector_of(sig.return_type), 0.0),
 )(lanes.packet)
 

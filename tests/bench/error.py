@@ -81,29 +81,21 @@ def sweep(scene: Scene, size: tuple[int, int], folder: Path, ways: list[Way]) ->
     return list(found.points)
 
 
-def seconds_to(curve: list[Point], error: float) -> np.ndarray | None:
-    """Seconds to an error in each round, between the points on logarithmic axes; None: it never gets there."""
-    rounds = [[p._replace(times=(p.times[k],)) for p in curve] for k in range(len(curve[0].times))]
-    found = [needed(points, error) for points in rounds]
-    return None if found[0] is None or curve[0].rmse_srgb <= error else np.array([f[1] for f in found if f])
-
-
 def ratios(points: list[Point]) -> list[dict[str, Any]]:
-    """For each error: seconds of ours and of the peer's best sampler, and medians of the rounds' ratios."""
+    """For each error: least seconds of ours and of the peer's best sampler, between points on logarithmic axes."""
     curves = {way: [p for p in points if p.way == way] for way in {p.way for p in points}}
     rows = []
     for error in ERRORS:
-        times = {way: t for way, curve in curves.items() if (t := seconds_to(curve, error)) is not None}
-        peers = [way for way in times if way.sampler.startswith(PEER)]
-        best = min(peers, key=lambda way: np.median(times[way]), default=None)
-        spp = {way: found[0] for way in (ADAPTIVE, UNIFORM) if (found := needed(curves[way], error))}
+        found = {way: need for way, curve in curves.items() if (need := needed(curve, error))}
+        peers = [way for way in found if way.sampler.startswith(PEER)]
+        best = min(peers, key=lambda way: found[way][1], default=None)
         row: dict[str, Any] = {"error": error, "peer": best.sampler if best else None}
-        for name, way in (("peer s", best), ("uniform s", UNIFORM), ("adaptive s", ADAPTIVE)):
-            row[name] = float(np.median(times[way])) if way in times else None
-        for name, one, other in (("peer / adaptive", best, ADAPTIVE), ("peer / uniform", best, UNIFORM),
-                                 ("uniform / adaptive", UNIFORM, ADAPTIVE)):  # fmt: skip
-            row[name] = float(np.median(times[one] / times[other])) if one in times and other in times else None
-        row["uniform spp"], row["adaptive spp"] = spp.get(UNIFORM), spp.get(ADAPTIVE)
+        three = {"peer": best, "uniform": UNIFORM, "adaptive": ADAPTIVE}
+        times = {name: found[way][1] if way in found else np.nan for name, way in three.items()}
+        row |= {f"{name} s": seconds for name, seconds in times.items()}
+        for one, other in (("peer", "adaptive"), ("peer", "uniform"), ("uniform", "adaptive")):
+            row[f"{one} / {other}"] = times[one] / times[other]
+        row |= {f"{name} spp": found[way][0] if way in found else np.nan for name, way in three.items()}
         rows.append(row)
     return rows
 
@@ -124,9 +116,8 @@ def plot(content: dict[str, Any], path: Path) -> None:
         points = [point for point in content["points"] if point["way"]["name"] == name]
         look = {"color": f"C{k}", "marker": "*" if points[0]["way"]["adaptive"] else "o", "markersize": 5,
                 "linestyle": "--" if name.startswith(PEER) else "-"}  # fmt: skip
-        seconds = [np.median(point["seconds_of_rounds"]) for point in points]
         for axes, error in ((left, "rmse_srgb"), (right, "rmse")):
-            axes.plot(seconds, [point[error] for point in points], label=name, **look)
+            axes.plot([point["seconds"] for point in points], [point[error] for point in points], label=name, **look)
     about = content["scene"]
     title = f"{about['name']}, {about['size'][0]} x {about['size'][1]}, {content['machine']['threads']} threads"
     left.set(title=f"{title}: RMSE on a screen (sRGB, clipped)")
@@ -162,6 +153,7 @@ def options() -> Namespace:
     about = "meshes, point lights, at most one index of refraction (the two Cornell boxes)"
     made.add_argument("--scenes", nargs="+", type=Path, default=boxes, help=about)
     made.add_argument("--size", type=int, default=256, help="pixels: side of the film (%(default)s)")
+    made.add_argument("--peer-samplers", nargs="+", default=PEER_SAMPLERS, help="of Mitsuba (%(default)s)")
     made.add_argument("-o", "--output", type=Path, default=Path("out"), help="folder for the reports (%(default)s)")
     return made.parse_args()
 
@@ -170,7 +162,7 @@ def main() -> None:
     args, found = options(), begin()
     measure.ROUNDS, measure.steps_of = args.rounds, steps
     peers, missing = available()
-    samplers = PEER_SAMPLERS if Mitsuba in peers else ()
+    samplers = args.peer_samplers if Mitsuba in peers else ()
     if not samplers:
         show(f"missing: Mitsuba: {missing['Mitsuba']}\n")
     ways = [UNIFORM, ADAPTIVE, Way("stratified", "float32"), Way("independent", "float32")]
