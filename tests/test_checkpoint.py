@@ -83,7 +83,7 @@ def test_a_picture_that_is_stopped_again_and_again_has_the_same_bits(scene, file
 
 
 def test_finished_parts_are_not_drawn_again(scene, file):
-    ask = {"size": SIZE, "spp": 256}  # so many parts that the second is not the last before anybody looks
+    ask = {"size": (16 * TILE, 8 * TILE), "spp": 16}  # many parts of a batch each: the second is by far not the last
     whole = rt.render(scene, **ask)
     part = rt.render(scene, checkpoint=file, progress=stopping_after(2), threads=1, **ask)
     rest = rt.render(scene, checkpoint=file, **ask)
