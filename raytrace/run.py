@@ -75,6 +75,7 @@ class Run:
             except KeyboardInterrupt:
                 interrupted = True
             finally:
+                self.__dict__.pop("_hand_out", None)  # it knows this run: a circle would keep the threads' memory
                 if self.keep:
                     self.keep.close(complete)
         self.watcher.end(interrupted)
