@@ -112,6 +112,8 @@ class Allowance:
         if needed <= self.left:
             return ""
         more = "allow more by --max-memory (max_memory=)"
+        if self.left <= 0:
+            return f"takes about {size(needed)} of memory, and the process has all that it may have already; {more}"
         return f"takes about {size(needed)} of memory, {size(self.left)} {self._whose}; {cure}, or {more}"
 
 

@@ -112,6 +112,8 @@ def test_words_for_what_lacks_say_how_much_and_the_cure():
     assert "takes about 8.0 GiB of memory, 2.0 GiB are allowed; use less, or allow more by --max-memory" in told
     assert " are free; " in Allowance().lacks(2**60, "x")
     assert Allowance(0).left == 0
+    full = "takes about 1 MiB of memory, and the process has all that it may have already; allow more by --max-memory"
+    assert full in Allowance(0).lacks(2**20, "use less")
 
 
 @counted
