@@ -139,8 +139,8 @@ class Wavefront:
         self.rays: Counter[str] = Counter()
         self.work = stage.bvh.work()
         self.shadow_work = [bvh.work() for bvh in stage.shadow_bvhs]
-        batches, self._room = 1 + 2 * stage.plan.refraction, n + PACKET
-        memory = _Memory(BATCH_COLUMNS * batches + OTHER_COLUMNS, self._room, dtype)
+        batches = 1 + 2 * stage.plan.refraction
+        memory = _Memory(BATCH_COLUMNS * batches + OTHER_COLUMNS, n + PACKET, dtype)
         samples, *bounced = (_batch(memory) for _ in range(batches))
         p, ng = memory.take(3), memory.take(3)
         ns = memory.take(3) if stage.plan.smooth else ng
@@ -154,7 +154,7 @@ class Wavefront:
     def resize(self, n: int) -> None:
         """Take n samples a batch from now on, whole packets, in the memory that is there; then come misses."""
         self.n, self._rows = n, n + PACKET
-        parts = [_part(record, self._rows, self._room) for record in self._records]
+        parts = [_part(record, self._rows, self.most + PACKET) for record in self._records]
         self.samples, self.points, self.shadows, *self.bounced = parts
         self.radiance = self._radiance[: 3 * self._rows]
         self.samples.hits.prim_id[n:] = -1
