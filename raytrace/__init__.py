@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from raytrace import show
+    from raytrace import show, textbook
     from raytrace.accel.bvh import BVH
     from raytrace.errors import FileError, OptionError, RaytraceError, SceneError
     from raytrace.optics import reflect, refract, spawn_ray
@@ -61,12 +61,13 @@ __all__ = [
     "report",
     "show",
     "spawn_ray",
+    "textbook",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    if name == "show":  # a room of its own
-        return import_module(f"{__name__}.show")
+    if name in ("show", "textbook"):  # packages with public names of their own
+        return import_module(f"{__name__}.{name}")
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)

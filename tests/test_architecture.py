@@ -33,6 +33,8 @@ NUMBA = (  # the compiler, and the type that it is taught
     "native/entry.py",
 )
 
+DRAWN_IN_TURN = ("textbook/camera.py",)  # as books do; every other random number has an address
+
 # folder -> the folders of the package that it may not import, so that data flows one way
 LAYERS = {
     "scene": ("accel", "passes", "render", "reporting", "show", "golden", "cli"),
@@ -116,7 +118,7 @@ def test_only_the_command_line_prints(name):
     assert not calls, f"{name}: return text, or log it"
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", [name for name in FILES if name not in DRAWN_IN_TURN])
 def test_random_numbers_have_addresses(name):
     used = set(imports(TREES[name]))
     used |= {ast.unparse(node) for node in ast.walk(TREES[name]) if isinstance(node, ast.Attribute)}

@@ -43,7 +43,7 @@ HEAVY = {
 }
 FUNCTIONS = {"load", "render", "explain", "compare", "reflect", "refract", "report", "spawn_ray"}
 CLASSES = {"BVH", "Render", "Scene", "Hits", "Surface", "RaytraceError", "SceneError", "FileError", "OptionError"}
-ROOMS = {"show"}
+ROOMS = {"show", "textbook"}
 SUBMODULES = [
     "rendering",
     "picture",

@@ -1,0 +1,28 @@
+"""The algorithm as the books have it: NumPy with masks on batches of rays, and nothing else.
+
+Each function is the formula of its source, in float64 and without a trick. ``render`` renders every scene that ships
+with the package, slowly. Read it before the kernels: docs/textbook.md leads from each function here to the fast one.
+"""
+
+from raytrace.textbook.box import slab
+from raytrace.textbook.camera import pinhole_rays, stratified
+from raytrace.textbook.integrator import integrate, render
+from raytrace.textbook.shading import direct_light, reflect, refract, surface_at
+from raytrace.textbook.tree import Tree, median_split, traverse
+from raytrace.textbook.triangle import moller_trumbore
+
+__all__ = [
+    "Tree",
+    "direct_light",
+    "integrate",
+    "median_split",
+    "moller_trumbore",
+    "pinhole_rays",
+    "reflect",
+    "refract",
+    "render",
+    "slab",
+    "stratified",
+    "surface_at",
+    "traverse",
+]

@@ -1,0 +1,144 @@
+"""The textbook package: each function against an answer known by hand or a twin, and whole images."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import naive
+import naive_sampling
+import raytrace as rt
+from raytrace import textbook
+from raytrace.scene.load import load
+
+SCENES = Path(__file__).parents[1] / "scenes"
+SIZE, SPP = (64, 64), 4
+
+
+def soup(count, seed):
+    """Random triangles, as vertices and faces."""
+    rng = np.random.default_rng(seed)
+    centre = rng.uniform(-1, 1, (count, 1, 3))
+    return (centre + rng.normal(0, 0.2, (count, 3, 3))).reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
+
+
+def rays(count, seed):
+    rng = np.random.default_rng(seed)
+    d = rng.normal(size=(count, 3))
+    return rng.uniform(-1, 1, (count, 3)), d / np.linalg.norm(d, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in SCENES.glob("*.json")))
+def test_it_renders_every_scene_as_the_kernels_do(name):
+    scene = load(SCENES / f"{name}.json")
+    settings = scene.settings
+    fast = rt.render(scene, spp=SPP, size=SIZE, precision="float64").rgb
+    positions = naive_sampling.film_points(settings.sampler, settings.seed, SPP, (0, 0, *SIZE))
+    slow = textbook.render(scene, size=SIZE, positions=positions)
+    differ = (np.abs(slow - fast) > 1e-5 * np.maximum(1.0, fast)).any(axis=2)
+    assert differ.mean() <= 0.005  # pixels at edges, where an epsilon of 1e-9 may decide
+    assert slow.max() > 0.01
+
+
+def test_moller_trumbore_solves_the_equation_of_the_ray_and_the_triangle():
+    vertices, faces = soup(200, 1)
+    corners = np.moveaxis(vertices[faces], 1, 0)
+    o, _ = rays(200, 2)
+    weights = np.random.default_rng(3).dirichlet((1, 1, 1, 0.3), 200)  # the fourth moves the target off the triangle
+    d = np.einsum("kn,nkc->nc", weights[:, :3].T, vertices[faces]) + weights[:, 3:] * (1.0, 0, 0) - o
+    t, u, v = textbook.moller_trumbore(o, d, *corners)
+    hit = np.isfinite(t)
+    assert 50 < hit.sum() < 150
+    v0, v1, v2 = np.moveaxis(vertices[faces[hit]], 1, 0)
+    w = np.stack([1 - u - v, u, v])[:, hit, None]
+    np.testing.assert_allclose(o[hit] + t[hit, None] * d[hit], w[0] * v0 + w[1] * v1 + w[2] * v2, atol=1e-12)
+    assert (w >= 0).all()
+
+
+def test_a_ray_in_the_plane_of_a_triangle_misses():
+    triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    assert textbook.moller_trumbore(np.array([-1.0, 0.2, 0]), np.array([1.0, 0, 0]), *triangle)[0] == np.inf
+
+
+@pytest.mark.parametrize(
+    ("o", "d", "tmax", "met"),
+    [
+        ((-1, 0.5, 0.5), (1, 0, 0), np.inf, True),
+        ((-1, 0.5, 0.5), (-1, 0, 0), np.inf, False),  # behind
+        ((-1, 0.5, 0.5), (1, 0, 0), 0.5, False),  # ends before
+        ((0.5, 0.5, 0.5), (0, 0, 1), np.inf, True),  # starts inside
+        ((-1, 0, 0.5), (1, 0, 0), np.inf, True),  # in a face: 0 times infinity
+        ((-1, 0, 0.5), (1, -0.0, 0), np.inf, True),
+        ((-1, 1, 0.5), (1, -0.0, 0), np.inf, True),
+        ((-1, 1.5, 0.5), (1, 0, 0), np.inf, False),
+        ((-1, -1, -1), (1, 1, 1), np.inf, True),  # through two corners
+    ],
+)
+def test_slab(o, d, tmax, met):
+    with np.errstate(divide="ignore"):
+        inverse = 1 / np.array([d], float)
+    assert textbook.slab(np.array([o], float), inverse, np.zeros(3), np.ones(3), np.array([tmax])) == [met]
+
+
+def test_the_tree_holds_every_triangle_once_and_boxes_hold_what_is_below_them():
+    tree = textbook.median_split(*soup(101, 3))
+    assert sorted(tree.prim_id) == list(range(101))
+    for low, high, first, count in zip(tree.low, tree.high, tree.first, tree.length, strict=True):
+        below = tree.corners[:, first : first + count]
+        assert (low == below.min(axis=(0, 1))).all()
+        assert (high == below.max(axis=(0, 1))).all()
+
+
+def test_traversal_finds_what_a_list_of_all_triangles_gives():
+    vertices, faces = soup(150, 4)
+    o, d = rays(500, 5)
+    found, listed = (
+        textbook.traverse(textbook.median_split(vertices, faces), o, d),
+        naive.closest_hit(vertices, faces, o, d),
+    )
+    assert (found.prim_id == listed.prim_id).all()
+    assert 50 < (found.prim_id >= 0).sum() < 450
+    for ours, theirs in zip(found, listed, strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-9)
+
+
+def test_of_hits_at_the_same_t_the_lowest_prim_id_wins():
+    vertices, faces = soup(12, 6)
+    tree = textbook.median_split(vertices, np.concatenate([faces, faces]))
+    hits = textbook.traverse(tree, *rays(300, 7))
+    assert (hits.prim_id < 12).all()
+    assert (hits.prim_id >= 0).any()
+
+
+def test_refraction_follows_snell_and_is_total_beyond_the_critical_angle():
+    angle = np.linspace(0.0, 1.5, 31)
+    d = np.stack([np.sin(angle), -np.cos(angle), 0 * angle], axis=1)
+    n = np.broadcast_to([0.0, 1.0, 0.0], d.shape)
+    for eta in (1.5, 1 / 1.5):
+        t, total = textbook.refract(d, n, eta)
+        np.testing.assert_allclose(np.linalg.norm(t, axis=1), 1, atol=1e-15)
+        np.testing.assert_array_equal(total, np.sin(angle) / eta >= 1)
+        np.testing.assert_allclose(t[~total, 0], np.sin(angle[~total]) / eta, atol=1e-15)
+        np.testing.assert_allclose(t[total], d[total] * [1, -1, 1], atol=1e-15)
+
+
+@pytest.mark.parametrize("spp", [1, 2, 4, 5, 9, 12])
+def test_stratified_samples_lie_in_cells_of_their_own(spp):
+    width, height = 5, 3
+    xy = textbook.stratified((width, height), spp, seed=8)
+    nx = int(np.ceil(np.sqrt(spp)))
+    ny = int(np.ceil(spp / nx))
+    row, column = np.mgrid[:height, :width]
+    local = xy - np.stack([column, row], axis=-1)[:, :, None]
+    assert (local >= 0).all()
+    assert (local < 1).all()
+    cells = np.floor(local[..., 0] * nx) + nx * np.floor(local[..., 1] * ny)
+    assert all(len(set(pixel)) == spp for pixel in cells.reshape(-1, spp).tolist())
+
+
+def test_the_mean_of_many_images_is_the_converged_image():
+    scene = load(SCENES / "glass-slab.json")
+    images = np.array([textbook.render(scene, spp=4, size=(6, 6), seed=seed) for seed in range(48)])
+    reference = rt.render(scene, spp=1024, size=(6, 6), precision="float64").rgb
+    spread = images.std(axis=0, ddof=1) / np.sqrt(len(images))
+    assert (np.abs(images.mean(axis=0) - reference) < 5 * spread + 1e-4).all()
