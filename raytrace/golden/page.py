@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.golden.gates import Verdict
-from raytrace.golden.noise import noise_of
+from raytrace.golden.noise import in_deviations, noise_of
 from raytrace.golden.place import Place
 from raytrace.golden.store import Approved
 from raytrace.image import LUMINANCE, srgb8
@@ -93,7 +93,7 @@ def _maps(actual: NDArray[np.float64], golden: Approved) -> list[str]:
         _figure("SSIM", f"black {least:.3g}, white 1", (255 * grey + 0.5).astype(np.uint8)),
     ]
     if golden.stderr is not None:
-        z = difference / noise_of(golden.rgb, golden.stderr, golden.pictures).deviation
+        z = in_deviations(difference, noise_of(golden.rgb, golden.stderr, golden.pictures))
         maps.append(_signed("difference in deviations", z, 5.0, "deviations", finite))
     return maps
 
