@@ -63,7 +63,7 @@ def _quoted(word: str) -> str:
 def _file_name(name: str) -> str:
     r"""The file of a name, without its ending; what no file system may have in a name is written as %5C.
 
-    >>> _file_name("test_word[\\\\xe9-1:2]")
+    >>> _file_name("test_word[\\xe9-1:2]")
     'test_word[%5Cxe9-1%3A2]'
     """
     parts = Path(name).parts
