@@ -139,7 +139,7 @@ def _maps(actual: NDArray[np.float64], golden: Approved, comparison: Comparison)
     least = min(float(similarity.min()), 0.999)
     grey = np.clip((similarity - least) / (1 - least), 0, 1)[..., None] * np.ones(3)
     maps = [
-        _signed("difference", difference, scale_of(difference, golden.rgb), "in the channel that differs most", finite),
+        _signed("difference", difference, scale_of(difference, golden.rgb), "(worst channel)", finite),
         Canvas("SSIM", f"black {least:.3g}, white 1", (255 * grey + 0.5).astype(np.uint8)),
     ]
     worst = difference

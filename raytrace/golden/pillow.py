@@ -42,10 +42,10 @@ def to_codes(image: Any, told: bool) -> NDArray[Any]:
         raise ValueError("picture: mode F: say which encoding it has, 'linear' or 'srgb', 0 to 1")
     if mode == "F":
         return np.asarray(image)
-    if image.info.get("icc_profile"):
-        check_profile(image)
     if mode == "LAB":
         return np.asarray(_from_lab(image))
+    if image.info.get("icc_profile"):
+        check_profile(image)
     transparent = "transparency" in image.info
     if mode in GREY + SOLID and not transparent:
         return np.asarray(image.convert("RGB"))
