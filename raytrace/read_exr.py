@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.decoding import TRANSPARENT, RefusedError, afford, from_texts
+from raytrace.exr_chunks import are_whole
 from raytrace.image import CHANNELS, WHOLE, Contents, checked
 
 NUMBER = 40  # bytes that are taken for a number while it is read
@@ -26,13 +27,13 @@ def read_exr(data: bytes) -> Contents:
     """Read an EXR."""
     import OpenEXR
 
-    with _muted():
-        headers = [part.header for part in OpenEXR.File(io.BytesIO(data), header_only=True).parts]
-        for header in headers:
-            low, high = _corners(header["dataWindow"])
-            afford(int(np.prod(np.maximum(high - low + 1, 0))), NUMBER * len(header["channels"]))
-        part = _coloured(headers)
-        _check_header(headers[part])
+    headers = [part.header for part in OpenEXR.File(io.BytesIO(data), header_only=True).parts]
+    for header in headers:
+        low, high = _corners(header["dataWindow"])
+        afford(int(np.prod(np.maximum(high - low + 1, 0))), NUMBER * len(header["channels"]))
+    part = _coloured(headers)
+    _check_header(headers[part])
+    with contextlib.nullcontext() if are_whole(data) else _muted():
         file = OpenEXR.File(io.BytesIO(data), separate_channels=True)
     if len(file.parts) != len(headers):
         raise ValueError("broken, or cut short")
@@ -91,7 +92,10 @@ def _layers(planes: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 
 @contextlib.contextmanager
 def _muted() -> Iterator[None]:
-    """Keep what OpenEXR says of a broken file off the terminal: it writes past Python's streams."""
+    """Keep what OpenEXR says of a broken file off the terminal: it writes past Python's streams.
+
+    The whole process is silent for that time. So this is only for files that are not known to be whole.
+    """
     with _mute, contextlib.redirect_stdout(None):
         stderr, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, 2)

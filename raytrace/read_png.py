@@ -17,7 +17,7 @@ GAMMA = 45455  # of sRGB, in units of 1e-5
 PRIMARIES = (31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000)  # white, red, green, blue of sRGB, likewise
 NEAR = 0.02  # a gamma as near to that of sRGB, relative, and primaries as near, absolute, are taken as sRGB's
 CODES = 4  # of 255: colours of a profile that differ by less from sRGB's are the same
-SRGB_CODE_POINTS = bytes([1, 13, 0, 1])  # cICP: Rec. 709 primaries, sRGB curve, RGB, full range   [ITU-T H.273]
+SRGB_CODE_POINTS = bytes([1, 13, 0, 1])  # cICP: Rec. 709 primaries, sRGB curve, RGB, full range
 
 
 def read_png(data: bytes) -> Contents:
