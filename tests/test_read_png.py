@@ -222,3 +222,44 @@ def test_what_pillow_writes_is_read(tmp_path):
     assert image.load(tmp_path / "a.png").provenance == {"about": "\u2603"}
     assert (image.load(tmp_path / "b.png").rgb == light(np.asarray(pillow.quantize(7).convert("RGB")))).all()
     assert compare(tmp_path / "b.png", tmp_path / "a.png").rmse > 0
+
+
+def test_what_pillow_would_fill_in_is_refused(refused, load):
+    two = (b"PLTE", bytes([9, 9, 9, 200, 200, 200]))
+    assert "end after 76 of 95 bytes" in refused(png(RGB[:4], 8, 2))
+    assert "end after" in refused(png(RGB[:4], 8, 2, interlaced=1))
+    assert "palette does not have" in refused(png([bytes([0, 1, 2, 0, 1, 2])] * 5, 8, 3, two))
+    assert "palette" in refused(png([bytes(6)] * 5, 8, 3))
+    assert load(png([bytes([0, 1, 1, 0, 1, 1])] * 5, 8, 3, two)).rgb.shape == (5, 6, 3)
+    assert (load(png([*RGB, b"more than there are rows"], 8, 2)).rgb == light(CODES)).all()
+
+
+def pieces(*chunks, rows=RGB, head=b"\0\0\0\6\0\0\0\5\x08\2\0\0\0"):
+    """A PNG with these chunks in place of the pixels; None: the pixels, or the next half of them."""
+    body = zlib.compress(b"".join(b"\0" + row for row in rows))
+    halves = iter([body[:30], body[30:]] if chunks.count(None) == 2 else [body])
+    parts = [(b"IHDR", head), *((b"IDAT", next(halves)) if part is None else part for part in chunks), (b"IEND", b"")]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts)
+
+
+def test_pixels_may_be_in_pieces_that_follow_each_other(load, refused):
+    assert (load(pieces(None, None)).rgb == light(CODES)).all()
+    assert (load(pieces((b"tIME", bytes(7)), None, (b"tEXt", b"a\0b"))).rgb == light(CODES)).all()
+    assert "interrupted" in refused(pieces(None, (b"tIME", bytes(7)), None))
+    assert "pixels end after 0 of 95 bytes" in refused(pieces((b"IDAT", b"")))
+
+
+def test_chunks_out_of_place_are_refused(refused):
+    key = (b"tRNS", bytes(6))
+    assert "tRNS is there twice, or comes too late" in refused(pieces(None, key))
+    assert "tRNS is there twice, or comes too late" in refused(pieces(key, key, None))
+    assert "IHDR is there twice" in refused(pieces((b"IHDR", bytes(13)), None))
+    assert "its chunk ABCD is not known" in refused(pieces((b"ABCD", b""), None))
+
+
+@pytest.mark.parametrize(
+    "end", ["\x08\2\1\0\0", "\x08\2\0\1\0", "\x08\2\0\0\2", "\4\2\0\0\0", "\x08\5\0\0\0", "\0\2\0\0\0"]
+)
+def test_headers_of_no_png_are_refused(refused, end):
+    assert "its header is none" in refused(pieces(None, head=b"\0\0\0\6\0\0\0\5" + end.encode("latin-1")))
+    assert "its header is none" in refused(pieces(None, head=bytes(8) + b"\x08\2\0\0\0"))
