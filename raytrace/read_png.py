@@ -68,6 +68,8 @@ def _chunks(data: bytes) -> tuple[dict[bytes, bytes], list[memoryview]]:
         raise ValueError("it does not begin as a PNG does")
     found, pixels, before = dict[bytes, bytes](), list[memoryview](), b""
     at = len(SIGNATURE)
+    if data[at + 4 : at + 8] != b"IHDR":
+        raise ValueError("it does not begin with a header")
     while before != b"IEND":
         length, kind = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
         end = at + 8 + length

@@ -200,7 +200,8 @@ def test_what_pillow_would_not_notice_is_refused(refused):
     assert "checksum of its chunk IDAT" in refused(whole[: at + 9] + bytes([whole[at + 9] ^ 1]) + whole[at + 10 :])
     assert "cut short" in refused(whole[:-12])
     assert "does not begin" in refused(b"GIF89a" + whole)
-    assert "no header" in refused(b"\x89PNG\r\n\x1a\n" + chunk(b"IEND", b""))
+    assert "does not begin with a header" in refused(b"\x89PNG\r\n\x1a\n" + chunk(b"IEND", b""))
+    assert "no header" in refused(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", b"") + chunk(b"IEND", b""))
 
 
 def test_a_pointer_of_git_lfs_says_what_to_do(refused):
