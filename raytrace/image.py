@@ -13,9 +13,6 @@ import contextlib
 import io
 import json
 import os
-import tokenize
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -46,9 +43,6 @@ CHANNELS: dict[str, tuple[str, ...]] = {  # of an EXR, as <layer>.<channel>
     "samples": ("samples.n",),
 }
 WHOLE = ("prim_id", "samples")  # int32; the others are float32
-# what Pillow, OpenEXR and NumPy raise for a broken file; found by cutting files and flipping their bytes, 1500 of each
-BROKEN: tuple[type[Exception], ...] = (ValueError, KeyError, SyntaxError, EOFError, RuntimeError, MemoryError)
-BROKEN += (tokenize.TokenError, zipfile.BadZipFile, zlib.error)
 Contents = tuple[dict[str, NDArray[Any]], dict[str, Any]]  # arrays by name, provenance
 
 
@@ -152,26 +146,37 @@ def save(
 
 
 def load(path: str | os.PathLike[str]) -> Picture:
-    """Read a picture: a PNG of 8 bits a channel (alpha is ignored), an EXR with R, G and B, or an NPZ of ours.
+    """Read an image: a PNG of up to 8 bits a channel, an EXR with R, G and B, or an NPZ of ours.
 
     Raises
     ------
     FileError
-        The file is missing, broken, or of another kind; one line says which.
+        The file is missing or broken, or the image is of a kind that would be read as another one: 16 bits a channel,
+        an alpha below 1, colours that are not sRGB's, several images, a data window other than the display window,
+        numbers that do not fit. One line says which.
     """
-    from raytrace import decoding  # which is seldom wanted
-
     path = Path(path)
-    read = {".png": decoding.read_png, ".exr": decoding.read_exr, ".npz": decoding.read_npz}[suffix_of(path)]
+    suffix, name = suffix_of(path), printable(path)
+    from raytrace import decoding, read_exr, read_npz, read_png  # which are seldom wanted
+
+    read = {".png": read_png.read_png, ".exr": read_exr.read_exr, ".npz": read_npz.read_npz}[suffix]
     try:
-        arrays, provenance = read(decoding.content(path))
+        data = decoding.content(path)
+    except FileError:
+        raise
+    except OSError as error:
+        raise FileError(f"{name}: can't be read: {error.strerror or error}") from error
     except decoding.RefusedError as error:
-        raise FileError(f"{path}: {error}") from None
-    except OSError as error:  # with a strerror: of the system; without: Pillow's
-        raise FileError(f"{path}: can't be read: {error.strerror or 'not a whole picture'}") from error
-    except BROKEN as error:
+        raise FileError(f"{name}: {error}") from None
+    try:
+        arrays, provenance = read(data)
+    except decoding.RefusedError as error:
+        raise FileError(f"{name}: {error}") from None
+    except MemoryError as error:
+        raise FileError(f"{name}: takes more memory than there is; scale it down") from error
+    except Exception as error:  # libraries raise errors of all kinds for a broken file
         reason = shortened(printable(str(error).partition("\n")[0] or type(error).__name__), MAX_REASON)
-        raise FileError(f"{path}: not a whole {path.suffix[1:].upper()} picture: {reason}") from error
+        raise FileError(f"{name}: not a whole {suffix[1:].upper()} image: {reason}") from error
     return Picture(arrays.pop("rgb"), arrays.pop("stderr", None), arrays, provenance)
 
 
@@ -182,13 +187,28 @@ def checked(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
     if "rgb" not in arrays:
         raise ValueError("no colour: an EXR has channels R, G and B, an NPZ an array rgb")
     size = np.shape(arrays["rgb"])[:2]
-    checked = {name: np.asarray(array, np.int32 if name in WHOLE else np.float32) for name, array in arrays.items()}
+    checked = {name: _converted(name, array) for name, array in arrays.items()}
     for name, array in checked.items():
         shape = (*size, 3) if len(CHANNELS[name]) == 3 else size
         if array.shape != shape or len(size) < 2 or array.size == 0:
             expected = "(height, width, 3)" if name == "rgb" else f"{shape}, as rgb has it"
             raise ValueError(f"{name}: expected shape {expected}, got {array.shape}")
     return checked
+
+
+def _converted(name: str, values: ArrayLike) -> NDArray[Any]:
+    """Numbers of a layer in the type that files have; NaN and inf stay."""
+    array, target = np.asarray(values), np.dtype(np.int32 if name in WHOLE else np.float32)
+    if array.dtype == target:
+        return array
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"{name}: expected numbers, got {array.dtype.name}")
+    with np.errstate(all="ignore"):
+        converted = array.astype(target)
+        same = converted == array if name in WHOLE else np.isfinite(converted) | ~np.isfinite(array)
+    if not same.all():
+        raise ValueError(f"{name}: values that {target.name} can't hold")
+    return converted
 
 
 def _replace(path: Path, data: bytes) -> None:

@@ -1,13 +1,14 @@
 """Metrics against hand values and slow plain twins."""
 
 import sys
+import warnings
 
 import numpy as np
 import pytest
 
 from raytrace import image
 from raytrace.errors import FileError, RaytraceError
-from raytrace.reporting.error import OUTLIER, RELATIVE_EPS, Limits, compare, ssim, violations, worst_tile
+from raytrace.reporting.error import OUTLIER, RELATIVE_EPS, Limits, compare, level_of, ssim, violations, worst_tile
 
 
 def pair(height=24, width=21, seed=0):
@@ -178,3 +179,35 @@ def test_without_scikit_image_the_message_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "skimage.metrics", None)
     with pytest.raises(RaytraceError, match=r'pip install "raytrace\[report\]"'):
         compare(*pair())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_picture_of_negative_light_is_at_distance_zero_from_itself(seed):
+    rng = np.random.default_rng(seed)
+    for b in (-np.abs(rng.normal(size=(32, 32, 3))), rng.normal(size=(32, 32, 3)), np.zeros((32, 32, 3))):
+        c = compare(b, b.copy())
+        assert (c.rmse, c.relative_bias, c.worst_tile, c.outliers) == (0.0, (0.0,) * 3, 0.0, 0.0)
+
+
+def test_distances_do_not_depend_on_the_sign_of_light():
+    a, b = pair()
+    there, back = compare(a, b), compare(-a, -b)
+    assert back.outliers == there.outliers > 0
+    assert (back.rmse, back.relative_mse) == (there.rmse, there.relative_mse)
+    assert back.worst_tile == pytest.approx(there.worst_tile)
+
+
+def test_a_level_is_the_mean_size_of_the_luminance():
+    assert level_of(np.array([[[1.0, 1.0, 1.0], [-3.0, -3.0, -3.0]]]), 2) == pytest.approx(2.0)
+    normals = np.array([[[1.0, 1.0, 1.0], [-1.0, -1.0, -1.0]]])  # a mean of 0 is no level
+    c = compare(normals * (1 + 1e-7), normals)
+    assert (c.outliers, c.worst_tile < 1e-6) == (0.0, True)
+
+
+def test_light_whose_square_is_too_large_is_far_off_without_a_warning():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        c = compare(np.full((8, 8, 3), 1e300), np.full((8, 8, 3), -1e300))
+        assert (c.rmse, c.outliers) == (np.inf, 1.0)
+        assert violations(c, Limits(max_rmse=1.0, max_bias=1.0)) != []
+        assert compare(np.full((8, 8, 3), 1e300), np.full((8, 8, 3), 1e300)).rmse == 0.0

@@ -50,9 +50,12 @@ def test_the_right_files_end_in_right_pictures(mill):
         files = {"scene.json": json.dumps(cases.scene_of(name)).encode(), name: data}
         case = Case(files, ["scene.json", "-o", cases.PICTURE, *cases.SIZE], name, True, output=cases.PICTURE)
         assert mill.grind(case) == ""
-    for name, data in seeds.pictures().items():
+    right, odd = cases.pictures()
+    for name, data in right.items():
         assert mill.grind(Case({name: data}, ["compare", name, name], codes=(DONE,))) == ""
-    assert mill.counts[DONE] - before == len(cases.MESHES) + len(seeds.pictures())
+    assert mill.counts[DONE] - before == len(cases.MESHES) + len(right)
+    for name, data in odd.items():
+        assert mill.grind(Case({name: data}, ["compare", name, name], codes=(FILE,))) == ""
 
 
 @pytest.mark.parametrize("make", [cases.mesh, cases.scene_bytes, cases.picture])

@@ -165,3 +165,30 @@ def test_without_alpha_the_z_test_is_left_out(golden):
     verdict = judge(noisy(1000), golden, Gates(None, None, None, None, alpha=None))
     assert verdict
     assert verdict.worst_z > 1
+
+
+def noisy_golden(rgb, stderr=0.0, pictures=4):
+    return Approved(rgb, np.full(rgb.shape[:2], stderr), pictures)
+
+
+@pytest.mark.parametrize("level", [0.0, -0.5, 1e-30])
+def test_a_noisy_picture_may_be_black_or_negative(level):
+    picture = np.full((16, 16, 3), level)
+    with np.errstate(all="raise", under="ignore"):
+        verdict = judge(picture.copy(), noisy_golden(picture), Gates(min_ssim=None, max_outliers=None))
+        assert (verdict.broken, verdict.rejected, verdict.worst_z) == ((), 0.0, 0.0)
+        other = picture.copy()
+        other[3, 4] += 1.0
+        verdict = judge(other, noisy_golden(picture), Gates(min_ssim=None, max_outliers=None))
+        assert any("worst tile, at row 0, column 0" in line for line in verdict.broken)
+        assert any("fail the z-test" in line for line in verdict.broken)
+        assert judge(other, noisy_golden(picture), Gates(alpha=None)).worst_z > 100
+
+
+def test_noise_explains_as_much_of_negative_light():
+    rng = np.random.default_rng(0)
+    base, off = np.full((16, 16, 3), 0.5), 0.01 * rng.standard_normal((16, 16, 1))
+    for sign in (1, -1):
+        golden = noisy_golden(sign * base, 0.01, 32)
+        assert judge(sign * (base + off), golden, Gates(min_ssim=None, max_outliers=None))
+        assert not judge(sign * (base + off + 0.1), golden, Gates(min_ssim=None, max_outliers=None))

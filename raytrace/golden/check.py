@@ -118,15 +118,21 @@ class Golden:
         else:
             rgb, stderr = mean_of(image, pictures, lambda picture: to_light(picture, encoding))
             golden = store.Approved(rgb, stderr, pictures)
-        if not np.isfinite(golden.rgb).all():
-            raise AssertionError("golden: pixels that aren't finite are no golden")
+        if not (np.abs(golden.rgb) <= np.finfo(np.float32).max).all():
+            raise AssertionError("golden: can't save an image with pixels that aren't finite in float32")
         return golden
 
     def _fail(self, failure: Failure) -> NoReturn:
         """Leave a page and the picture, and say where, in one line."""
         html, npz = (self.place.left(failure.name, kind) for kind in LEFT)
         check_folder(html.parent)
-        save(npz, failure.actual)
+        save(npz, _within_float32(failure.actual))
         write(html.parent, {html.name: page(failure).encode()})
         numbers = "" if failure.verdict is None else f" ({failure.verdict})"
         raise AssertionError(f"golden {failure.name!r}: {failure.why}{numbers}; see {self.place.short(html)}")
+
+
+def _within_float32(light: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Numbers as a file has them; those that are too large are inf."""
+    with np.errstate(over="ignore"):
+        return light.astype(np.float32)

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.golden.noise import Noise, critical, noise_of
+from raytrace.golden.noise import Noise, critical, in_deviations, noise_of
 from raytrace.golden.store import Approved
 from raytrace.image import LUMINANCE
-from raytrace.reporting.error import TILE, Comparison, Limits, compare, tile_means, violations
+from raytrace.reporting.error import TILE, Comparison, Limits, compare, level_of, ratio, tile_means, violations
 
 
 class Gates(NamedTuple):
@@ -60,7 +60,7 @@ def judge(actual: NDArray[np.float64], golden: Approved, gates: Gates) -> Verdic
     finite: NDArray[np.bool_] = np.all(np.isfinite(actual), axis=2)
     difference = (np.where(finite[..., None], actual, golden.rgb) - golden.rgb) @ LUMINANCE
     noise = noise_of(golden.rgb, golden.stderr, golden.pictures)
-    z = np.abs(difference) / noise.deviation
+    z = np.abs(in_deviations(difference, noise))
     if gates.alpha is None:
         return Verdict(tuple(violations(comparison, limits)), comparison, 0.0, float(z.max()))
     rejected = float(np.mean(z > critical(noise, gates.alpha, z.size)))
@@ -74,17 +74,24 @@ def _beyond(
     comparison: Comparison, difference: NDArray[np.float64], golden: Approved, noise: Noise, alpha: float
 ) -> Comparison:
     """Take from the means of channels and tiles what the noise of luminance explains."""
-    level = float((golden.rgb @ LUMINANCE).mean())
+    level = level_of(golden.rgb, difference.size)
     variance = noise.deviation**2
-    whole = critical(noise, alpha, 1) * float(np.sqrt(variance.sum())) / variance.size / level
-    bias = [np.sign(value) * max(abs(value) - whole, 0.0) for value in comparison.relative_bias]
+    whole = critical(noise, alpha, 1) * float(np.sqrt(variance.sum())) / variance.size
+    bias = [_excess(*both, whole, level) for both in zip(comparison.relative_bias, comparison.bias, strict=True)]
     side = min(TILE, difference.shape[0]) * min(TILE, difference.shape[1])
     means, rows, columns = tile_means(difference[..., None])
     deviation = np.sqrt(tile_means(variance[..., None])[0] / side)
     excess = (np.abs(means) - critical(noise, alpha, means.size) * deviation)[..., 0]
     row, column = np.unravel_index(np.argmax(excess), excess.shape)
     return comparison._replace(
-        relative_bias=(float(bias[0]), float(bias[1]), float(bias[2])),
-        worst_tile=max(float(excess[row, column]), 0.0) / level,
+        relative_bias=(bias[0], bias[1], bias[2]),
+        worst_tile=ratio(max(float(excess[row, column]), 0.0), level),
         worst_tile_at=(int(rows[row]), int(columns[column])),
     )
+
+
+def _excess(relative: float, absolute: float, noise: float, level: float) -> float:
+    """What the noise of the mean leaves of the relative bias of a channel."""
+    if not np.isfinite(relative):  # of a black channel
+        return relative if abs(absolute) > noise else 0.0
+    return float(np.sign(relative)) * max(abs(relative) - ratio(noise, level), 0.0)

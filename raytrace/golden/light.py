@@ -1,12 +1,12 @@
 """Pictures of any kind to linear light."""
 
 import os
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.golden.pillow import is_pillow, to_codes
 from raytrace.image import load, srgb_decode
 
 Encoding = Literal["linear", "srgb"] | None
@@ -20,7 +20,8 @@ def to_light(picture: Any, encoding: Encoding = None) -> NDArray[np.float64]:
     ----------
     picture : Render, path, or array
         Paths end in .png, .exr or .npz. Arrays are (h, w), (h, w, 1), (h, w, 3) or (h, w, 4) with an alpha of 1, or
-        what ``numpy.asarray`` turns into one.
+        what ``numpy.asarray`` turns into one. Images of Pillow are converted to RGB: sRGB codes; those
+        of mode F are floats whose encoding has to be given.
     encoding : {"linear", "srgb"}, optional
         What the numbers of an array mean. Default: floats are linear light, uint8 are sRGB codes 0 .. 255. Said of
         floats, "srgb" means codes 0 .. 1; said of uint8, "linear" means 255 times linear light.
@@ -30,15 +31,17 @@ def to_light(picture: Any, encoding: Encoding = None) -> NDArray[np.float64]:
     ValueError
         It is no picture, or has an alpha below 1, or has a type that doesn't tell what its numbers mean.
     FileError
-        A file can't be read.
+        A file can't be read, or has an alpha below 1.
     """
     if encoding not in (None, "linear", "srgb"):
         raise ValueError(f"encoding: expected 'linear' or 'srgb', got {encoding!r}")
     if isinstance(picture, str | os.PathLike):
         if encoding is not None:
             raise ValueError(f"encoding: {picture}: a file says itself what it holds; leave the encoding out")
-        return _of_file(Path(picture))
-    array = np.asarray(getattr(picture, "rgb", picture))
+        return load(picture).rgb.astype(np.float64)
+    array = (
+        to_codes(picture, encoding is not None) if is_pillow(picture) else np.asarray(getattr(picture, "rgb", picture))
+    )
     if array.dtype.kind == "f":
         light = array.astype(np.float64)
         return _colour(srgb_decode(light) if encoding == "srgb" else light, light, 1.0)
@@ -47,19 +50,6 @@ def to_light(picture: Any, encoding: Encoding = None) -> NDArray[np.float64]:
     raise ValueError(
         f"picture: expected floats or uint8, got {array.dtype.name}: convert it, and say which encoding it has"
     )
-
-
-def _of_file(path: Path) -> NDArray[np.float64]:
-    if path.suffix.lower() == ".png":
-        light = load(path).rgb  # first, for its messages
-        from PIL import Image
-
-        with Image.open(path) as file:
-            alpha = np.asarray(file.convert("RGBA"))[:, :, 3]
-        if not (alpha == 255).all():
-            raise ValueError(f"{path}: has an alpha below 1: put the picture on a background first")
-        return light.astype(np.float64)
-    return load(path).rgb.astype(np.float64)
 
 
 def _colour(light: NDArray[np.float64], given: NDArray[Any], opaque: float) -> NDArray[np.float64]:

@@ -44,6 +44,16 @@ def noise_of(rgb: NDArray[np.float64], stderr: NDArray[np.float64], pictures: in
     return Noise(np.maximum(deviation, ROUNDING * (light + light.mean())), pictures - 1)
 
 
+def in_deviations(difference: NDArray[np.float64], noise: Noise) -> NDArray[np.float64]:
+    """Differences of luminance in deviations; where there is no deviation, none is 0, and any is inf.
+
+    >>> in_deviations(np.array([[0.0, -1.0, 1.0]]), Noise(np.array([[0.0, 0.0, 2.0]]), 3)).tolist()
+    [[0.0, -inf, 0.5]]
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(difference == 0.0, 0.0, difference / noise.deviation)
+
+
 def critical(noise: Noise, alpha: float, tests: int) -> float:
     """How many deviations a difference may be off, if one of ``tests`` is to be beyond in a share alpha of cases.
 

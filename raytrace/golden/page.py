@@ -2,6 +2,7 @@
 
 import io
 from base64 import b64encode
+from collections.abc import Sequence
 from html import escape
 from typing import NamedTuple
 
@@ -9,21 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.golden.gates import Verdict
-from raytrace.golden.noise import noise_of
+from raytrace.golden.noise import in_deviations, noise_of
 from raytrace.golden.place import Place
+from raytrace.golden.spots import Spot, find, largest_channel, scale_of
 from raytrace.golden.store import Approved
 from raytrace.image import LUMINANCE, srgb8
-from raytrace.reporting.error import TILE, ssim_map
+from raytrace.reporting.error import TILE, Comparison, ssim_map
 
 WIDTH = 320  # screen pixels that a small picture is blown up to, by a whole factor
+ENLARGED = 220  # likewise, a place that is enlarged
 DARKER, BRIGHTER, NOT_FINITE = (0, 114, 178), (213, 94, 0), (255, 0, 255)  # blue, vermilion, magenta
-SHARE = 0.995  # of the pixels lie within the scale of the difference
 STYLE = """
-body { font: 16px/1.45 system-ui, sans-serif; margin: 1.2em; color: #111; }
-h1 { font-size: 1.4em; margin: 0; } .why { background: #fdeee6; border-left: .3em solid #d55e00; padding: .5em .8em; }
-.row { display: flex; flex-wrap: wrap; gap: 1em; } figure { margin: 0; width: min-content; }
-small { color: #555; display: block; }
-figcaption { height: 2.9em; } img { image-rendering: pixelated; display: block; outline: 1px solid #bbb; }
+body { font: 16px/1.45 system-ui, sans-serif; margin: 1.2em; color: #111; overflow-wrap: anywhere; }
+h1 { font-size: 1.4em; margin: 0; } h2 { font-size: 1em; margin: 1.2em 0 .2em; }
+.why { background: #fdeee6; border-left: .3em solid #d55e00; padding: .5em .8em; }
+.row { display: flex; flex-wrap: wrap; gap: 1em; max-width: 100%; } figure { margin: 0; max-width: 100%; }
+small { color: #555; display: block; font-weight: normal; }
+figcaption { min-height: 2.9em; } .frame { position: relative; }
+img { image-rendering: pixelated; display: block; outline: 1px solid #bbb; width: 100%; }
+.mark { position: absolute; outline: 2px solid #111; box-shadow: 0 0 0 4px #fff; pointer-events: none; }
 .swap img { cursor: pointer; }
 table { border-collapse: collapse; margin-top: 1em; } td { padding: .1em 1em .1em 0; } code { background: #f2f2f2; }
 """
@@ -47,65 +52,112 @@ class Failure(NamedTuple):
     verdict: Verdict | None  # None: there was nothing to compare
 
 
+class Canvas(NamedTuple):
+    """An image as the page shows it."""
+
+    title: str
+    note: str
+    codes: NDArray[np.uint8]  # (h, w, 3): sRGB
+
+
 def page(failure: Failure) -> str:
     """Write the page."""
     title = f"golden {failure.name}"
-    actual = _figure("actual", "", srgb8(failure.actual))
-    figures, numbers = [actual], ""
+    actual = Canvas("actual", "", srgb8(failure.actual))
+    figures, numbers, details = [_figure(actual)], "", ""
     if failure.golden is not None:
-        figures = [_figure("expected", "", srgb8(failure.golden.rgb)), actual]
-    if failure.golden is not None and failure.verdict is not None:
-        figures = [f'<div class="row swap">{"".join(figures)}</div>', *_maps(failure.actual, failure.golden)]
-        numbers = f"<p><small>Press on one of the first two to see the other.</small></p>{_table(failure.verdict)}"
+        both = [Canvas("expected", "", srgb8(failure.golden.rgb)), actual]
+        figures = [_figure(canvas) for canvas in both]
+        if failure.verdict is not None:
+            maps, marks = _maps(failure.actual, failure.golden, failure.verdict.comparison)
+            figures = [f'<div class="row swap">{"".join(_figure(canvas, marks) for canvas in both)}</div>']
+            figures += [_figure(canvas, marks) for canvas in maps]
+            details = _details([*both, maps[0]], marks, failure.actual - failure.golden.rgb)
+            hint = "<p><small>Click and hold one of the first two to see the other.</small></p>"
+            numbers = hint + _table(failure.verdict)
     command = f"<p>If it is right as it is now: <code>{escape(failure.place.command)}</code></p>"
     lines = [
         "<!doctype html>",
-        f'<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title><style>{STYLE}</style></head>',
+        '<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">',
+        f"<title>{escape(title)}</title><style>{STYLE}</style></head>",
         f"<body><h1>{escape(title)}</h1><p><code>{escape(failure.place.test)}</code></p>",
         f'<p class="why">{escape(failure.why)}</p><div class="row">',
         *figures,
-        f"</div>{command}{numbers}</body><script>{SCRIPT}</script></html>",
+        f"</div>{details}{command}{numbers}</body><script>{SCRIPT}</script></html>",
     ]
     return "\n".join(lines) + "\n"
 
 
-def _figure(title: str, note: str, rgb8: NDArray[np.uint8]) -> str:
+def _figure(canvas: Canvas, marks: Sequence[Spot] = (), least: int = WIDTH) -> str:
+    """An image, blown up to at least so many screen pixels by a whole factor, with places marked."""
     from PIL import Image
 
     stream = io.BytesIO()
-    Image.fromarray(rgb8).save(stream, "PNG", optimize=True)
+    Image.fromarray(canvas.codes).save(stream, "PNG", optimize=True)
     picture = f"data:image/png;base64,{b64encode(stream.getvalue()).decode()}"
-    width = rgb8.shape[1] * max(round(WIDTH / rgb8.shape[1]), 1)
-    caption = f"<figcaption>{escape(title)} <small>{escape(note) or '&nbsp;'}</small></figcaption>"
-    return f'<figure>{caption}<img alt="{escape(title)}" width="{width}" src="{picture}"></figure>'
+    height, width = canvas.codes.shape[:2]
+    shown = width * max(round(least / width), 1)
+    boxes = ""
+    for mark in marks:
+        numbers = mark.column / width, mark.row / height, mark.width / width, mark.height / height
+        names = ("left", "top", "width", "height")
+        place = ";".join(f"{name}:{100 * value:.4g}%" for name, value in zip(names, numbers, strict=True))
+        boxes += f'<i class="mark" title="{escape(mark.title)}" style="{place}"></i>'
+    title = escape(canvas.title)
+    caption = f"<figcaption>{title} <small>{escape(canvas.note) or '&nbsp;'}</small></figcaption>"
+    frame = f'<div class="frame"><img alt="{title}" src="{picture}">{boxes}</div>'
+    return f'<figure style="width:{shown}px">{caption}{frame}</figure>'
 
 
-def _maps(actual: NDArray[np.float64], golden: Approved) -> list[str]:
-    """Difference, similarity and, for a noisy picture, the difference in deviations."""
+def _details(canvases: Sequence[Canvas], marks: Sequence[Spot], difference: NDArray[np.float64]) -> str:
+    """The marked places, enlarged; one that another shows already is not shown again."""
+    text, shown = "", list[Spot]()
+    for mark in marks:
+        if any(region.holds(mark) for region in shown):
+            continue
+        region = mark.grown(difference.shape)
+        shown.append(region)
+        inside = [
+            inner._replace(row=inner.row - region.row, column=inner.column - region.column)
+            for inner in marks
+            if region.holds(inner)
+        ]
+        cut = (canvas._replace(note="", codes=canvas.codes[region.pixels]) for canvas in canvases)
+        off = difference[mark.pixels].mean(axis=(0, 1))
+        note = f"row {mark.row}, column {mark.column}; actual - expected {', '.join(f'{value:+.3g}' for value in off)}"
+        text += f"<h2>{escape(mark.title)} <small>{note}</small></h2>"
+        text += f'<div class="row">{"".join(_figure(canvas, inside, ENLARGED) for canvas in cut)}</div>'
+    return text
+
+
+def _maps(actual: NDArray[np.float64], golden: Approved, comparison: Comparison) -> tuple[list[Canvas], list[Spot]]:
+    """Difference, similarity and, for a noisy picture, the difference in deviations; and the worst places."""
     finite: NDArray[np.bool_] = np.all(np.isfinite(actual), axis=2)
     shown = np.where(finite[..., None], actual, golden.rgb)
-    difference = (shown - golden.rgb) @ LUMINANCE
+    difference = largest_channel(shown - golden.rgb)
     similarity = ssim_map(shown, golden.rgb)
     least = min(float(similarity.min()), 0.999)
     grey = np.clip((similarity - least) / (1 - least), 0, 1)[..., None] * np.ones(3)
     maps = [
-        _signed("difference", difference, float(np.quantile(np.abs(difference), SHARE)), "luminance", finite),
-        _figure("SSIM", f"black {least:.3g}, white 1", (255 * grey + 0.5).astype(np.uint8)),
+        _signed("difference", difference, scale_of(difference, golden.rgb), "(worst channel)", finite),
+        Canvas("SSIM", f"black {least:.3g}, white 1", (255 * grey + 0.5).astype(np.uint8)),
     ]
+    worst = difference
     if golden.stderr is not None:
-        z = difference / noise_of(golden.rgb, golden.stderr, golden.pictures).deviation
-        maps.append(_signed("difference in deviations", z, 5.0, "deviations", finite))
-    return maps
+        noise = noise_of(golden.rgb, golden.stderr, golden.pictures)
+        worst = in_deviations((shown - golden.rgb) @ LUMINANCE, noise)
+        maps.append(_signed("difference in deviations", worst, 5.0, "deviations", finite))
+    return maps, find(worst, finite, comparison)
 
 
-def _signed(title: str, values: NDArray[np.float64], top: float, unit: str, finite: NDArray[np.bool_]) -> str:
+def _signed(title: str, values: NDArray[np.float64], top: float, unit: str, finite: NDArray[np.bool_]) -> Canvas:
     """White where equal, blue where darker, orange where brighter."""
     share = np.clip(np.abs(values) / (top or 1.0), 0, 1)[..., None]
     colour = np.where(values[..., None] < 0, DARKER, BRIGHTER)
     rgb8 = (255 + share * (colour - 255.0) + 0.5).astype(np.uint8)
     rgb8[~finite] = NOT_FINITE
     note = f"blue {-top:.3g}, orange {top:.3g} {unit}"
-    return _figure(title, note + ("" if finite.all() else "; magenta: not finite"), rgb8)
+    return Canvas(title, note + ("" if finite.all() else "; magenta: not finite"), rgb8)
 
 
 def _table(verdict: Verdict) -> str:

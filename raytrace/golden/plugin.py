@@ -1,6 +1,5 @@
 """The pytest plugin: options, and the fixture ``golden``. Nothing heavy is imported until a picture is checked."""
 
-import os
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -50,13 +49,13 @@ def raytrace_golden(request: pytest.FixtureRequest) -> Iterator["Golden"]:
     if find_spec("skimage") is None:
         pytest.fail('the fixture golden needs scikit-image: pip install "raytrace[golden]"', pytrace=False)
     from raytrace.golden.check import Golden
-    from raytrace.golden.place import Place
+    from raytrace.golden.place import Place, relative
 
     config, root = request.config, request.config.rootpath
     own = str(config.getini("golden_folder"))
     folder = root / own if own else Path(request.path).parent / "golden"
     here, name = config.invocation_params.dir, request.node.nodeid.partition("::")[2]
-    test = f"{os.path.relpath(request.path, here)}::{name}"
+    test = f"{relative(request.path, here)}::{name}"
     place = Place(folder, root, root / str(config.getini("golden_failures")), here, test)
     given = {name.removeprefix("golden_"): _limit(config, name) for name in GATES if config.getini(name) is not None}
     golden = Golden(place, given, bool(config.getoption("update_goldens")))

@@ -7,7 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace import image
+from raytrace.errors import FileError
 
+ANEW = "write it anew: pytest --update-goldens"
+MAX_PICTURES = 2**31  # that a golden may be the mean of
 PICTURES = "pictures"  # provenance: of how many pictures the golden is the mean
 
 
@@ -28,10 +31,16 @@ def read(path: Path) -> Approved:
         It is missing or broken.
     """
     held = image.load(path)
-    pictures = int(held.provenance.get(PICTURES, 1))
-    if held.stderr is None or pictures < 2:
-        return Approved(held.rgb.astype(np.float64), None, 1)
-    return Approved(held.rgb.astype(np.float64), held.stderr.astype(np.float64), pictures)
+    rgb, stderr, pictures = held.rgb.astype(np.float64), held.stderr, held.provenance.get(PICTURES, 1)
+    if not isinstance(pictures, int) or isinstance(pictures, bool) or not 1 <= pictures <= MAX_PICTURES:
+        raise FileError(f"{path}: its provenance has no whole number of {PICTURES}; {ANEW}")
+    if not np.isfinite(rgb).all():
+        raise FileError(f"{path}: has pixels that aren't finite; {ANEW}")
+    if stderr is None or pictures < 2:
+        return Approved(rgb, None, 1)
+    if not (stderr >= 0).all() or not np.isfinite(stderr).all():
+        raise FileError(f"{path}: has standard errors that are none; {ANEW}")
+    return Approved(rgb, stderr.astype(np.float64), pictures)
 
 
 def write(path: Path, golden: Approved) -> None:

@@ -17,7 +17,7 @@ SSIM_RADIUS = 5  # pixels: the 11 x 11 Gaussian window of [Wang2004], sigma 1.5
 
 
 class Comparison(NamedTuple):
-    """Distance of a picture a from a reference b, both in linear light; n values, L the mean luminance of b.
+    """Distance of a picture a from a reference b, both in linear light; n values, L the mean |luminance| of b.
 
     A pixel that isn't finite in a or in b counts in `non_finite` and as equal everywhere else; where no pixel is
     finite all the others are NaN. A ratio 0 / 0 is 0, and x / 0 is inf.
@@ -47,6 +47,7 @@ class Limits(NamedTuple):
     max_relative_mse: float | None = None
 
 
+@np.errstate(over="ignore", invalid="ignore")  # squares of numbers that are too large are inf
 def compare(image: Any, reference: Any) -> Comparison:
     """Compare a picture with a reference.
 
@@ -89,7 +90,7 @@ def compare(image: Any, reference: Any) -> Comparison:
     a, b = np.where(finite[:, :, None], a, 0.0), np.where(finite[:, :, None], b, 0.0)
     difference = a - b
     mean = b.sum(axis=(0, 1)) / count
-    level = float(mean @ LUMINANCE)
+    level = level_of(b, count)
     bias = difference.sum(axis=(0, 1)) / count
     tile, tile_at = worst_tile(difference)
     far = (np.abs(difference) > OUTLIER * (np.abs(b) + level)).any(axis=2)
@@ -98,9 +99,9 @@ def compare(image: Any, reference: Any) -> Comparison:
         rmse_srgb=math.sqrt(((screen(a) - screen(b)) ** 2).sum() / (3 * count)),
         relative_mse=float((difference**2 / (b**2 + RELATIVE_EPS)).sum() / (3 * count)),
         bias=(float(bias[0]), float(bias[1]), float(bias[2])),
-        relative_bias=(_ratio(bias[0], mean[0]), _ratio(bias[1], mean[1]), _ratio(bias[2], mean[2])),
+        relative_bias=(ratio(bias[0], mean[0]), ratio(bias[1], mean[1]), ratio(bias[2], mean[2])),
         ssim=ssim(a, b),
-        worst_tile=_ratio(tile, abs(level)),
+        worst_tile=ratio(tile, level),
         worst_tile_at=tile_at,
         outliers=float(far.sum() / count),
         non_finite=finite.size - count,
@@ -228,7 +229,24 @@ def light_of(picture: Any, name: str) -> NDArray[np.float64]:
     return array.astype(np.float64, order="C")  # sums are added in the same order wherever a picture comes from
 
 
-def _ratio(x: float, y: float) -> float:
+def level_of(light: NDArray[np.floating], count: int) -> float:
+    """Mean |luminance| of (h, w, 3) light over ``count`` pixels, the others 0: what differences are relative to.
+
+    >>> round(level_of(np.full((2, 2, 3), -0.5), 4), 12)
+    0.5
+    """
+    luminance = light @ LUMINANCE
+    if luminance.min() >= 0.0:
+        return float(light.sum(axis=(0, 1)) / count @ LUMINANCE)
+    return float(np.abs(luminance).sum() / count)
+
+
+def ratio(x: float, y: float) -> float:
+    """Divide; 0 / 0 is 0, and x / 0 inf.
+
+    >>> ratio(0.0, 0.0), ratio(2.0, 0.0), ratio(1.0, 2.0)
+    (0.0, inf, 0.5)
+    """
     if x == 0.0:
         return 0.0
     return float(x / y) if y != 0.0 else math.inf

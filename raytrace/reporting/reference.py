@@ -151,7 +151,13 @@ def _from_cache(path: Path, size: tuple[int, int]) -> Reference | None:
             return None
         errors = float(record["error"]), float(record["pilot"])
         return Reference(kept.rgb, *errors, int(record["spp"]), float(record["seconds"]), "cache")
-    except (FileError, KeyError, TypeError, ValueError):  # none yet, or not one of ours: it is drawn anew
+    except (
+        FileError,
+        KeyError,
+        TypeError,
+        ValueError,
+        OverflowError,
+    ):  # none yet, or not one of ours: it is drawn anew
         return None
 
 

@@ -1,9 +1,11 @@
 """Cases of all kinds, each from a seed and a number."""
 
 import json
+from functools import cache
 from random import Random
 from typing import Any
 
+import images
 import mutations
 import seeds
 from mill import DIFFERENT, DONE, FILE, TRIANGLE, Case
@@ -61,11 +63,18 @@ def scene_bytes(seed: int, k: int) -> Case:
     return scene_text(mutations.mutate("scene.json", text, rng), f"scene {seed} {k}")
 
 
+@cache
+def pictures() -> tuple[dict[str, bytes], dict[str, bytes]]:
+    """Pictures that are right, and ones that are refused as they are."""
+    return seeds.pictures() | images.right(), images.odd()
+
+
 def picture(seed: int, k: int, name: str = "") -> Case:
-    """A picture mutated by bytes, compared with the right one."""
+    """A picture mutated by its parts, by bytes, or both; compared with a right one."""
     rng = Random(f"picture {seed} {k}")
-    right = seeds.pictures()
-    name = name or rng.choice(list(right))
-    data = mutations.mutate(name, right[name], rng)
-    files = {f"wrong-{name}": data, f"right-{name}": right[name]}
+    right, odd = pictures()
+    name = name or rng.choice([*right, *odd])
+    data = images.mutate(name, (right | odd)[name], rng)
+    other = name if name in right else f"a{name[-4:]}"
+    files = {f"wrong-{name}": data, f"right-{other}": right[other]}
     return Case(files, ["compare", *files], f"picture {seed} {k}", codes=(DONE, FILE, DIFFERENT))
