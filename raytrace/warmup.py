@@ -39,15 +39,18 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
         Picture(precision, sampler, smooth, refractive=True, large=True, layers=True, aimed=True)
         for precision, sampler, smooth in product(PRECISIONS, SAMPLERS, (False, True))
     ]
-    if not store.can_keep():
-        raise FileError(f"{store.cache_folder()}: can't be written to; set RAYTRACE_CACHE to another folder")
 
     def report(done: int, total: int) -> None:
         if progress:
             progress(Progress("compiling", done, total, 0, time.perf_counter() - began))
 
     tasks = compile_ahead(pictures, report)
+    if tasks and not store.can_keep():
+        raise FileError(f"{store.cache_folder()}: can't be written to; set RAYTRACE_CACHE to another folder")
     for done, (kernel, kinds) in enumerate(tasks, 1):
         if kernel.stored(kinds) is None:  # there were no other processes
             report(done - 1, len(tasks))
             kernel.compile(kinds)
+    lost = sum(kernel.unkept(kinds) is not None for kernel, kinds in tasks)
+    if lost:
+        raise FileError(f"{store.cache_folder()}: {lost} of {len(tasks)} kernels could not be written")

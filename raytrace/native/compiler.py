@@ -49,12 +49,14 @@ def _callee(function: Callable[..., Any], options: dict[str, bool]) -> Dispatche
 def teach() -> None:
     """Tell Numba about all callees that were declared since the last time."""
     while jit.callees:
-        function, options = jit.callees.pop(0)
+        function, options = jit.callees[0]
         _callees[function] = _callee(function, options)
         cpu_target.typing_context.insert_global(function, types.Dispatcher(_callees[function]))
+        jit.callees.pop(0)  # now that it is known
     while jit.forms:
-        function, choose = jit.forms.pop(0)
+        function, choose = jit.forms[0]
         overload(function, inline="always")(choose)
+        jit.forms.pop(0)
 
 
 @contextmanager
