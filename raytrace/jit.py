@@ -86,9 +86,12 @@ class Kernel:
 
     def stored(self, kinds: tuple[Any, ...]) -> Any:
         """Object code for arguments of these kinds, if the store has it, or could not keep it."""
-        from raytrace.native import store
+        from raytrace.native.fallback import private_parts
 
-        return self._unkept.get(kinds) or store.find(*self._title(kinds))
+        with private_parts():
+            from raytrace.native import store
+
+            return self._unkept.get(kinds) or store.find(*self._title(kinds))
 
     def compile(self, kinds: tuple[Any, ...]) -> Any:
         """Object code for arguments of these kinds, compiled now, and stored."""

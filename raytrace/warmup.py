@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from itertools import product
 
-from raytrace.errors import FileError
+from raytrace.errors import FileError, RaytraceError
 from raytrace.jit import PLAIN
 from raytrace.needs import Picture, compile_ahead
 from raytrace.progress import Progress
@@ -23,7 +23,9 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
     Raises
     ------
     FileError
-        There is no folder to keep them in.
+        There is no folder to keep them in, or it has no room for them.
+    RaytraceError
+        This release of Numba can't compile them ahead.
 
     Examples
     --------
@@ -33,6 +35,7 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
     if PLAIN:
         return
     from raytrace.native import store
+    from raytrace.native.fallback import Unavailable
 
     began = time.perf_counter()
     pictures = [
@@ -50,7 +53,10 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
     for done, (kernel, kinds) in enumerate(tasks, 1):
         if kernel.stored(kinds) is None:  # there were no other processes
             report(done - 1, len(tasks))
-            kernel.compile(kinds)
+            try:
+                kernel.compile(kinds)
+            except Unavailable as reason:
+                raise RaytraceError(f"kernels can't be compiled ahead, only in each process: {reason}") from None
     lost = sum(kernel.unkept(kinds) is not None for kernel, kinds in tasks)
     if lost:
         raise FileError(f"{store.cache_folder()}: {lost} of {len(tasks)} kernels could not be written")

@@ -38,8 +38,8 @@ def plain(function: Callable[..., Any], kinds: tuple[Any, ...], args: tuple[Any,
     if not _warned:
         _warned.append(str(why))
         warnings.warn(
-            f"kernels run by plain numba.njit, which compiles them in every process: {why}; "
-            "the results are the same; versions of Numba and llvmlite that raytrace was tested with avoid this",
+            f"plain numba.njit compiles kernels in every process, for the same results, because {why}; "
+            "a release of Numba that raytrace was tested with avoids this",
             RuntimeWarning,
             stacklevel=5,
         )

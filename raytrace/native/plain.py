@@ -1,9 +1,11 @@
 """Kernels by the public part of Numba alone: nothing is kept, and arrays' references are counted."""
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numba
+import numpy as np
 from numba.extending import overload, register_jitable
 
 from raytrace import jit
@@ -30,8 +32,20 @@ def _teach() -> None:
 
 
 def compile_plain(function: Callable[..., Any], args: tuple[Any, ...]) -> Callable[..., Any]:
-    """Return a kernel compiled for such arguments."""
+    """Return a kernel compiled for such arguments; interpreted, very slowly, where LLVM can't find what it calls."""
     _teach()
     compiled = numba.njit(nogil=True, **FLAGS)(function)
-    compiled.compile(tuple(map(numba.typeof, args)))
-    return compiled
+    with _checked() as lacking:
+        compiled.compile(tuple(map(numba.typeof, args)))
+    return np.errstate(all="ignore")(function) if lacking else compiled
+
+
+def _checked() -> AbstractContextManager[list[str]]:
+    """Look at machine code before it is linked, if that can be done."""
+    try:
+        with private_parts():
+            from raytrace.native.compiler import checked
+
+            return checked()
+    except Unavailable:
+        return nullcontext([])

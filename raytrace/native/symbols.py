@@ -6,13 +6,14 @@ Numba asks for on Windows too, and Mach-O on macOS   [System V ABI, chapter 4; m
 
 import ctypes
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import llvmlite.binding as llvm
 
 ELF, MACH_O = b"\x7fELF\x02\x01", b"\xcf\xfa\xed\xfe"  # 64 bits, little endian
 SYMBOL_TABLE, MACH_O_TABLE = 2, 2  # type of a section, of a load command
 TYPE, DEBUG = 0x0E, 0xE0  # bits of the type of a Mach-O symbol
+_lacking: set[str] = set()  # names that LLVM was given a stand-in for
 
 
 def undefined(data: bytes) -> list[str]:
@@ -66,7 +67,17 @@ def unknown(data: bytes) -> list[str]:
     return [name for name in undefined(data) if not _found(name)]
 
 
+def stand_in(names: Iterable[str]) -> None:
+    """Have LLVM find something under these names, so that it does not end the process; what calls them must not run."""
+    address = ctypes.cast(ctypes.pythonapi.Py_IsInitialized, ctypes.c_void_p).value
+    for name in names:
+        llvm.add_symbol(name, address)
+        _lacking.add(name)
+
+
 def _found(name: str) -> bool:
+    if name in _lacking:
+        return False
     function = getattr(ctypes.pythonapi, name, None)
     if function is not None:
         llvm.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
