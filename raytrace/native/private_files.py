@@ -16,7 +16,7 @@ OTHERS = stat.S_IWGRP | stat.S_IWOTH
 PROBE = 1 << 20  # bytes: more than the code of a kernel
 READ = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-POSIX = hasattr(os, "geteuid")
+POSIX, WINDOWS = hasattr(os, "geteuid"), os.name == "nt"
 ATTEMPTS, PAUSE = 8, 0.02  # to replace a file on Windows: the pauses double, 2.5 s in all
 
 
@@ -120,7 +120,7 @@ def replace(source: Path, target: Path) -> None:
         try:
             return os.replace(source, target)
         except PermissionError:
-            if os.name != "nt" or attempt == ATTEMPTS - 1:
+            if not WINDOWS or attempt == ATTEMPTS - 1:
                 raise
             time.sleep(PAUSE * 2**attempt)
     return None
@@ -135,6 +135,8 @@ def probe(folder: Path) -> str:
     """Return why no file of a kernel's size can be written in a folder or where it would be made; "" if one can."""
     name = nearest(folder) / f".{os.urandom(8).hex()}.tmp"
     try:
+        with contextlib.suppress(FileNotFoundError):
+            os.stat(folder)  # a name too long, or below a file
         with open(os.open(name, CREATE, FILE), "wb") as stream:
             stream.write(os.urandom(PROBE))
     except OSError as error:
