@@ -59,21 +59,21 @@ def _kernels() -> Iterator[tuple[str, str]]:
         from llvmlite.binding import get_host_cpu_name
 
         from raytrace.accel.lanes import BITS
-        from raytrace.native import store
+        from raytrace.native.store import SUFFIX, cache_folder
     except (ImportError, OSError) as error:  # OSError: a shared library that the system cannot load
         yield "kernels", f"cannot be run: {error}"
         return
     yield "processor", f"{get_host_cpu_name()}, {platform.machine()}"
     yield "lanes", f"{BITS // 32} of float32, {BITS // 64} of float64"
     try:
-        folder = store.cache_folder()
+        folder = cache_folder()
         names = os.listdir(folder) if os.path.isdir(folder) else []
     except FileError as error:
         yield "cache", f"none: {error}"
     except OSError as error:  # it may not be looked into
         yield "cache", f"{folder} ({error.strerror})"
     else:
-        count = sum(name.endswith(store.SUFFIX) for name in names)
+        count = sum(name.endswith(SUFFIX) for name in names)
         yield "cache", f"{folder} ({_cache(folder, count)})"
         yield "kernels", f"{count} compiled"
 
