@@ -1,13 +1,17 @@
 """What this machine offers: versions, processor, kernel cache and optional packages."""
 
+import math
 import os
 import platform
+import stat
 import sys
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 
 import raytrace
+from raytrace import cores
+from raytrace.errors import FileError
 
 REQUIRED = ("numpy", "numba", "llvmlite", "pydantic", "pillow", "platformdirs", "rich")
 OPTIONAL = {"OpenEXR": "exr", "scikit-image": "report", "matplotlib": "report"}  # package: the extra that brings it
@@ -21,14 +25,33 @@ def _version(package: str) -> str | None:
 
 
 def _cores() -> str:
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return f"{usable} usable of {os.cpu_count()}"
+    quota = cores.quota()
+    limit = f" (CPU quota: {quota:g})" if math.isfinite(quota) else ""
+    return f"{cores.usable()} usable of {os.cpu_count()}{limit}"
 
 
 def _writable(folder: Path) -> bool:
-    """Whether the folder can be written to, or made."""
-    existing = next(path for path in (folder, *folder.parents) if path.exists())
-    return existing.is_dir() and os.access(existing, os.W_OK)
+    """Whether a kernel can be written to the folder, or to where it would be made."""
+    from raytrace.native.private_files import probe
+
+    return not probe(folder)
+
+
+def _cache(folder: Path, count: int) -> str:
+    """What can be done with a folder of kernels, its mode and its owner."""
+    from raytrace.native import private_files
+
+    mode = ""
+    if os.path.isdir(folder):
+        status = os.stat(folder)
+        mode = f"mode {stat.S_IMODE(status.st_mode):03o}, uid {status.st_uid}, "
+        if reason := private_files.distrust(status):
+            return f"{mode}NOT used: it {reason}; every process compiles its kernels"
+    if not (reason := private_files.probe(folder)):
+        return f"{mode}writable"
+    if count:
+        return f"{mode}read-only: {reason}; what it lacks, every process compiles"
+    return f"{mode}NOT writable: {reason}; every process compiles its kernels"
 
 
 def _kernels() -> Iterator[tuple[str, str]]:
@@ -40,11 +63,19 @@ def _kernels() -> Iterator[tuple[str, str]]:
     except (ImportError, OSError) as error:  # OSError: a shared library that the system cannot load
         yield "kernels", f"cannot be run: {error}"
         return
-    folder = cache_folder()
     yield "processor", f"{get_host_cpu_name()}, {platform.machine()}"
     yield "lanes", f"{BITS // 32} of float32, {BITS // 64} of float64"
-    yield "cache", f"{folder} ({'writable' if _writable(folder) else 'NOT writable: every process compiles anew'})"
-    yield "kernels", f"{len(list(folder.glob(f'*{SUFFIX}')))} compiled"
+    try:
+        folder = cache_folder()
+        names = os.listdir(folder) if os.path.isdir(folder) else []
+    except FileError as error:
+        yield "cache", f"none: {error}"
+    except OSError as error:  # it may not be looked into
+        yield "cache", f"{folder} ({error.strerror})"
+    else:
+        count = sum(name.endswith(SUFFIX) for name in names)
+        yield "cache", f"{folder} ({_cache(folder, count)})"
+        yield "kernels", f"{count} compiled"
 
 
 def findings() -> Iterator[tuple[str, str]]:

@@ -40,6 +40,7 @@ class Kernel:
     def __init__(self, function: Callable[..., Any]) -> None:
         update_wrapper(self, function)
         self.function, self.code = function, dict[Any, int]()
+        self._unkept = dict[Any, Any]()  # object code that the store could not keep
         self._bound = dict[Any, Callable[..., Any]]()
         self._entries: tuple[Callable[..., Any], ...] = ()  # replaced, never changed: no call waits for a lock
 
@@ -59,32 +60,60 @@ class Kernel:
 
     def load(self, args: tuple[Any, ...]) -> Callable[..., Any]:
         """Have machine code for such arguments ready; its entry."""
-        from raytrace.native.link import bind, link
         from raytrace.native.signatures import kind_of, types_of
 
         kinds, types = tuple(map(kind_of, args)), tuple(kind for arg in args for kind in types_of(arg))
         with _lock:
-            if kinds not in self.code:
-                self.code[kinds] = link(self.stored(kinds) or self._made(kinds))
             if (kinds, types) not in self._bound:
-                self._bound[kinds, types] = bind(self.function.__name__, self.code[kinds], types)
+                self._bound[kinds, types] = self._entry(kinds, types, args)
                 self._entries = tuple(self._bound.values())
             return self._bound[kinds, types]
 
-    def stored(self, kinds: tuple[Any, ...]) -> Any:
-        """Object code for arguments of these kinds, if the store has it."""
-        from raytrace.native import store
+    def _entry(self, kinds: tuple[Any, ...], types: tuple[type, ...], args: tuple[Any, ...]) -> Callable[..., Any]:
+        """Entry of machine code for arguments of these kinds: stored, or made now."""
+        from raytrace.native.fallback import Unavailable, plain, private_parts
 
-        return store.find(*self._title(kinds))
+        try:
+            code = None if kinds in self.code else self.stored(kinds) or self._made(kinds)
+            with private_parts():
+                from raytrace.native.link import bind, link
+
+                if code:
+                    self.code[kinds] = link(code)
+                return bind(self.function.__name__, self.code[kinds], types)
+        except Unavailable as reason:
+            return plain(self.function, kinds, args, reason)
+
+    def stored(self, kinds: tuple[Any, ...]) -> Any:
+        """Object code for arguments of these kinds, if the store has it, or could not keep it."""
+        from raytrace.native.fallback import private_parts
+
+        with private_parts():
+            from raytrace.native import store
+
+            return self._unkept.get(kinds) or store.find(*self._title(kinds))
 
     def compile(self, kinds: tuple[Any, ...]) -> Any:
         """Object code for arguments of these kinds, compiled now, and stored."""
-        from raytrace.native import store
-        from raytrace.native.compiler import compile_kernel
+        from raytrace.native.fallback import private_parts
 
-        code = compile_kernel(self.function, kinds)
-        store.keep(*self._title(kinds), code)
+        with private_parts():
+            from raytrace.native.compiler import compile_kernel
+
+            code = compile_kernel(self.function, kinds)
+        self.keep(kinds, code)
         return code
+
+    def keep(self, kinds: tuple[Any, ...], code: Any) -> None:
+        """Store object code; what can't be stored is kept for this process."""
+        from raytrace.native import store
+
+        if not store.keep(*self._title(kinds), code):
+            self._unkept[kinds] = code
+
+    def unkept(self, kinds: tuple[Any, ...]) -> Any:
+        """Object code for arguments of these kinds that the store could not keep."""
+        return self._unkept.get(kinds)
 
     def _made(self, kinds: tuple[Any, ...]) -> Any:
         """Object code that was not in the store: whoever is told that it is wanted may have it compiled elsewhere."""

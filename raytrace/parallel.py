@@ -1,7 +1,6 @@
 """Work on several threads: kernels let go of the interpreter's lock, so plain threads are all that is needed."""
 
 import operator
-import os
 import sys
 import threading
 import time
@@ -9,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from raytrace import cores
 from raytrace.errors import OptionError
 from raytrace.jit import PLAIN
 
@@ -20,9 +20,9 @@ WORTH = 0.001  # seconds of work for which a thread is started, which takes a te
 
 
 def thread_count(threads: int | None) -> int:
-    """Threads to use: as asked, or as many as the process may use cores."""
+    """Return the number of threads to use: as asked, or one per core that the process may use."""
     if threads is None:
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return cores.usable()
     try:
         count = operator.index(threads)
     except TypeError:

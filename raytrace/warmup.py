@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from itertools import product
 
-from raytrace.errors import FileError
+from raytrace.errors import FileError, RaytraceError
 from raytrace.jit import PLAIN
 from raytrace.needs import Picture, compile_ahead
 from raytrace.progress import Progress
@@ -23,7 +23,9 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
     Raises
     ------
     FileError
-        There is no folder to keep them in.
+        There is no folder to keep them in, or it has no room for them.
+    RaytraceError
+        This release of Numba can't compile them ahead.
 
     Examples
     --------
@@ -33,21 +35,28 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
     if PLAIN:
         return
     from raytrace.native import store
+    from raytrace.native.fallback import Unavailable
 
     began = time.perf_counter()
     pictures = [
         Picture(precision, sampler, smooth, refractive=True, large=True, layers=True, aimed=True)
         for precision, sampler, smooth in product(PRECISIONS, SAMPLERS, (False, True))
     ]
-    if not store.can_keep():
-        raise FileError(f"{store.cache_folder()}: can't be written to; set RAYTRACE_CACHE to another folder")
 
     def report(done: int, total: int) -> None:
         if progress:
             progress(Progress("compiling", done, total, 0, time.perf_counter() - began))
 
     tasks = compile_ahead(pictures, report)
+    if tasks and not store.can_keep():
+        raise FileError(f"{store.cache_folder()}: can't be written to; set RAYTRACE_CACHE to another folder")
     for done, (kernel, kinds) in enumerate(tasks, 1):
         if kernel.stored(kinds) is None:  # there were no other processes
             report(done - 1, len(tasks))
-            kernel.compile(kinds)
+            try:
+                kernel.compile(kinds)
+            except Unavailable as reason:
+                raise RaytraceError(f"kernels can't be compiled ahead, only in each process: {reason}") from None
+    lost = sum(kernel.unkept(kinds) is not None for kernel, kinds in tasks)
+    if lost:
+        raise FileError(f"{store.cache_folder()}: {lost} of {len(tasks)} kernels could not be written")

@@ -31,6 +31,7 @@ NUMBA = (  # the compiler, and the type that it is taught
     "accel/lanes_types.py",
     "native/compiler.py",
     "native/entry.py",
+    "native/plain.py",
 )
 
 DRAWN_IN_TURN = ("textbook/camera.py",)  # as books do; every other random number has an address
@@ -105,8 +106,8 @@ def test_only_the_compiler_knows_numba(name):
     assert not found, f"{name}: take the decorators from raytrace.jit"
 
 
-@pytest.mark.parametrize("name", [name for name in FILES if name != "native/compiler.py"])
-def test_only_one_file_compiles(name):
+@pytest.mark.parametrize("name", [name for name in FILES if name not in ("native/compiler.py", "native/plain.py")])
+def test_only_the_compiler_and_its_fallback_compile(name):
     words = {node.id for node in ast.walk(TREES[name]) if isinstance(node, ast.Name)}
     words |= {node.attr for node in ast.walk(TREES[name]) if isinstance(node, ast.Attribute)}
     assert not words & {"njit", "jit", "vectorize", "guvectorize", "prange", "jitclass"}

@@ -119,6 +119,28 @@ def test_arrays_of_any_layout_and_class_mean_the_same(tmp_path):
 
 
 @compiled
+@pytest.mark.parametrize(("one", "other"), [("l", "q"), ("L", "Q"), ("i", "l")])
+def test_c_types_of_one_size_are_one_kind(one, other):
+    """intc and long are both int32 on Windows, long and longlong both int64 elsewhere; NumPy numbers them apart."""
+    if np.dtype(one).name != np.dtype(other).name:
+        pytest.skip("they differ on this machine")
+    add = fresh()
+    for letter in (one, other, one):
+        assert add(Rows(np.ones(3, letter), 0), None, np.dtype(letter).type(1), np.zeros(3, letter)) == (12, 3)
+    assert len(add.code) == 1
+
+
+@compiled
+def test_a_result_that_no_entry_can_give_back_is_refused():
+    @jit.kernel
+    def half(a):
+        return 0.5 * a[0]
+
+    with pytest.raises(NotImplementedError, match="a kernel returns whole numbers"):
+        half(np.ones(1))
+
+
+@compiled
 def test_arrays_of_several_axes_keep_their_strides():
     @jit.kernel
     def corner(table):

@@ -1,5 +1,7 @@
 """Where machine code is kept: an edit is never missed, and whatever is wrong with a file costs time and no more."""
 
+import errno
+import io
 import os
 import re
 import shutil
@@ -11,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from raytrace import jit
-from raytrace.native import store
+from raytrace.native import private_files, store
 from raytrace.native.link import Code
 
 ROOT = Path(__file__).parent.parent
@@ -68,6 +70,19 @@ def fresh(monkeypatch, tmp_path):
     yield forget
     monkeypatch.undo()
     forget()
+
+
+def full_disk(monkeypatch):
+    """Let no file be longer than 10 bytes."""
+
+    class Stream(io.FileIO):
+        def write(self, content):
+            super().write(content[:10])
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    real = open
+    choose = lambda file, mode="r": Stream(file, mode) if mode == "wb" else real(file, mode)  # noqa: E731
+    monkeypatch.setattr(private_files, "open", choose, raising=False)
 
 
 def copied_package(folder):
@@ -221,14 +236,11 @@ def test_whether_anything_can_be_kept_is_known_beforehand(fresh, monkeypatch, tm
 def test_a_full_disk_leaves_nothing_behind(fresh, monkeypatch):
     store.keep(NAME, "another", CODE)
 
-    def full(path, content):
-        with open(path, "wb") as stream:
-            stream.write(content[:10])
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "write_bytes", full)
+    full_disk(monkeypatch)
     assert not store.keep(NAME, KINDS, CODE)
+    assert not store.can_keep()
     assert len(list(fresh().iterdir())) == 1
+    assert store.find(NAME, "another") == CODE
 
 
 # Old folders ----------------------------------------------------------------------------------------------------------

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from raytrace import jit
+from raytrace import jit, warmup
 from raytrace.cli import main
 from raytrace.native import store
+from raytrace.native.fallback import Unavailable
 
 ROOT = Path(__file__).parents[1]
 SCENES = sorted((ROOT / "scenes").glob("*.json"))
@@ -42,6 +43,27 @@ def test_after_the_warm_up_no_picture_of_a_shipped_scene_needs_numba(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     done = run("-m", "raytrace", "warmup", cache=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")  # nothing is left
+
+
+def test_what_could_not_be_kept_is_told(monkeypatch, tmp_path, capsys):
+    kernel = type("Kernel", (), {"stored": lambda *_: None, "compile": lambda *_: None, "unkept": lambda *_: b"code"})()
+    monkeypatch.setattr(warmup, "compile_ahead", lambda *_: [(kernel, ()), (kernel, ())])
+    monkeypatch.setenv("RAYTRACE_CACHE", str(tmp_path))
+    store.cache_folder.cache_clear()
+    try:
+        assert main(["warmup"]) == 4
+        monkeypatch.setattr(kernel.__class__, "compile", lambda *_: (_ for _ in ()).throw(Unavailable("no such part")))
+        assert main(["warmup"]) == 1
+        monkeypatch.setattr(store, "can_keep", lambda: False)
+        monkeypatch.setattr(warmup, "compile_ahead", lambda *_: [])
+        assert main(["warmup"]) == 0  # all is there, in a folder that is read-only
+    finally:
+        monkeypatch.undo()
+        store.cache_folder.cache_clear()
+    errors = capsys.readouterr().err.splitlines()
+    errors = [line for line in errors if line != "compiling kernels (first run only)"]
+    assert errors[0].endswith("2 of 2 kernels could not be written")
+    assert errors[1] == "kernels can't be compiled ahead, only in each process: no such part"
 
 
 def test_a_folder_that_cannot_be_written_to_is_told(monkeypatch, tmp_path, capsys):

@@ -1,19 +1,23 @@
 """Kernels compiled by other processes: they arrive in the store, and nothing is lost where they don't."""
 
+import errno
+import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from raytrace import jit, parallel
 from raytrace.accel.reorder import give_back
-from raytrace.native import store, workers
+from raytrace.native import private_files, store, workers
 from raytrace.native.signatures import kind_of
 from raytrace.passes.film import accumulate
 from raytrace.passes.light import background
 from raytrace.records import Hits
 
+ROOT = Path(__file__).parent.parent
 pytestmark = pytest.mark.skipif(jit.PLAIN, reason="kernels are plain functions")
 
 
@@ -73,6 +77,44 @@ def test_where_no_process_can_be_started_none_is(folder, monkeypatch, executable
     monkeypatch.setattr(sys, "executable", executable)
     workers.compile_all(workers.missing(calls("f4")))
     assert len(workers.missing(calls("f4"))) == 3
+
+
+def test_what_they_could_not_keep_comes_back_and_is_not_compiled_twice(folder, monkeypatch, caplog):
+    full = "import raytrace.native.store as s, errno; p = s.private_files; p.write = lambda *_: (_ for _ in ()).throw("
+    full += "OSError(errno.ENOSPC, 'No space left on device')); "
+    monkeypatch.setattr(workers, "PROGRAM", full + workers.PROGRAM)
+
+    def no_room(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    tasks = workers.missing(calls("f4"))
+    with monkeypatch.context() as patch:
+        patch.setattr(private_files, "write", no_room)  # the probe found room, but now the disk is full
+        workers.compile_all(tasks)
+    assert len(caplog.messages) == 1
+    assert "No space left on device" in caplog.text
+    assert workers.missing(calls("f4")) == []
+    assert all(kernel.unkept(kinds).data for kernel, kinds in tasks)
+    assert not list(folder.glob(f"*{store.SUFFIX}"))
+    for kernel, _ in tasks:
+        kernel._unkept.clear()
+
+
+@pytest.mark.parametrize("flags", [["-I"], ["-X", "dev"], ["-W", "ignore::FutureWarning"], ["-P"], ["-E", "-s", "-OO"]])
+def test_they_run_python_as_this_process_does(flags, tmp_path):
+    """What flags mean is seen in ``sys``, in this process and in one that it starts."""
+    state = "(sys.flags, sys.warnoptions, sorted(sys._xoptions))"
+    program = f"""
+import sys; sys.path.insert(0, {str(ROOT)!r})
+from raytrace.native import workers
+workers.PROGRAM = "import sys; print({state}, {{path!r}} == sys.path or sys.stdin.read())"
+worker = workers._start()
+print(worker.communicate()[0].decode().startswith(str({state})))
+"""
+    done = subprocess.run(
+        [sys.executable, *flags, "-c", program], capture_output=True, text=True, timeout=60, cwd=tmp_path
+    )
+    assert done.stdout == "True\n", done.stderr
 
 
 def test_where_nothing_can_be_kept_none_is_started(folder, monkeypatch):

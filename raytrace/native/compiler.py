@@ -23,8 +23,10 @@ from numba.extending import overload
 from raytrace import jit
 from raytrace.accel import lanes_jit  # noqa: F401  (teaches Numba the SIMD lanes)
 from raytrace.native.entry import Entry, check_layout, numba_type
+from raytrace.native.fallback import Unavailable
 from raytrace.native.link import SYMBOL, Code
 from raytrace.native.signatures import Kind
+from raytrace.native.symbols import stand_in, unknown
 
 OPTIONS = {"error_model": "numpy", "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 _callees: dict[Callable[..., Any], Dispatcher] = {}  # Numba itself only keeps weak references
@@ -49,12 +51,14 @@ def _callee(function: Callable[..., Any], options: dict[str, bool]) -> Dispatche
 def teach() -> None:
     """Tell Numba about all callees that were declared since the last time."""
     while jit.callees:
-        function, options = jit.callees.pop(0)
+        function, options = jit.callees[0]
         _callees[function] = _callee(function, options)
         cpu_target.typing_context.insert_global(function, types.Dispatcher(_callees[function]))
+        jit.callees.pop(0)  # now that it is known
     while jit.forms:
-        function, choose = jit.forms.pop(0)
+        function, choose = jit.forms[0]
         overload(function, inline="always")(choose)
+        jit.forms.pop(0)
 
 
 @contextmanager
@@ -69,6 +73,26 @@ def _uncollected() -> Iterator[None]:
             gc.enable()
 
 
+@contextmanager
+def checked() -> Iterator[list[str]]:
+    """Look at machine code before Numba links it; give the names that it calls and this process lacks."""
+    jit_engine = cpu_target.target_context.codegen()._engine
+    engine, lacking = jit_engine._ee, []
+    notify = engine._object_cache_notify
+
+    def look(module: Any, data: bytes) -> None:
+        names = [n for n in unknown(data) if not n.startswith(".numba.") and not jit_engine.is_symbol_defined(n)]
+        stand_in(names)
+        lacking.extend(names)
+        notify(module, data)
+
+    engine._object_cache_notify = look
+    try:
+        yield lacking
+    finally:
+        engine._object_cache_notify = notify
+
+
 @global_compiler_lock
 def compile_kernel(function: Callable[..., Any], kinds: tuple[Kind, ...]) -> Code:
     """Object code of a kernel for arguments of these kinds.
@@ -77,9 +101,11 @@ def compile_kernel(function: Callable[..., Any], kinds: tuple[Kind, ...]) -> Cod
     ------
     NotImplementedError
         It calls what only Numba's runtime has, so that no process without it could run it.
+    Unavailable
+        It calls what LLVM can't find in this process.
     """
     check_layout()
-    with _uncollected():
+    with _uncollected(), checked() as lacking:
         teach()
         context = cpu_target.target_context
         compiler = _KernelCompiler(function, cpu_target, OPTIONS | {"nopython": True}, {}, numba.core.compiler.Compiler)
@@ -95,4 +121,6 @@ def compile_kernel(function: Callable[..., Any], kinds: tuple[Kind, ...]) -> Cod
     code = Code(outside, library._get_compiled_object())
     if code.foreign:
         raise NotImplementedError(f"{function.__name__} calls {', '.join(code.foreign)}: kernels call only each other")
+    if lacking:
+        raise Unavailable(f"machine code calls {', '.join(lacking)}, which this process lacks")
     return code

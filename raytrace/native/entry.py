@@ -7,6 +7,7 @@ for other machine code.
 """
 
 import ctypes
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -134,7 +135,9 @@ class Entry:
     def _unbox_array(self, obj: ir.Value, kind: Array) -> ir.Value:
         builder = self._builder
         dtype, wanted = self._read(obj, DTYPE, POINTER), np.dtype(kind.dtype)
-        self._require(builder.icmp_signed("==", self._read(dtype, NUMBER, I32), I32(wanted.num)))
+        number = self._read(dtype, NUMBER, I32)
+        alike = [builder.icmp_signed("==", number, I32(each)) for each in numbers_of(kind.dtype)]
+        self._require(reduce(builder.or_, alike))
         self._require(builder.icmp_signed("==", self._read(dtype, BYTE_ORDER, BYTE), BYTE(ord(wanted.byteorder))))
         self._require(builder.icmp_signed("==", self._read(obj, NDIM, I32), I32(kind.ndim)))
         mask = C_CONTIGUOUS | ALIGNED | WRITEABLE | (0 if kind.layout == "C" else F_CONTIGUOUS)  # few axes may be both
@@ -169,10 +172,15 @@ class Entry:
                 self._api.tuple_setitem(made, k, self._box(item, kind[k]))
             return made
         if not isinstance(kind, types.Integer):
-            raise TypeError(f"a kernel returns whole numbers, tuples of them, or None, not {kind}")
+            raise NotImplementedError(f"a kernel returns whole numbers, tuples of them, or None, not {kind}")
         if kind.signed:
             return self._api.long_from_longlong(self._builder.sext(value, I64))
         return self._api.long_from_ulonglong(self._builder.zext(value, I64))
+
+
+def numbers_of(dtype: str) -> list[int]:
+    """NumPy's numbers of a type: two C types can be alike (intc and long on Windows, long and longlong on Linux)."""
+    return sorted({np.dtype(letter).num for letter in "?bhilqBHILQfd" if np.dtype(letter).name == dtype})
 
 
 def numba_type(kind: Kind) -> types.Type:

@@ -7,6 +7,9 @@ from typing import Any, NamedTuple, NoReturn
 
 import llvmlite.binding as llvm
 
+from raytrace.native.fallback import Unavailable
+from raytrace.native.symbols import unknown
+
 SYMBOL = "raytrace_entry"
 METH_FASTCALL = 0x80  # Python's calling convention: self, array of arguments, their number
 
@@ -51,11 +54,22 @@ def _engine() -> llvm.ExecutionEngine:
 def link(code: Code) -> int:
     """Address of the entry of object code, linked into this process.
 
+    Raises
+    ------
+    Unavailable
+        It calls what this process lacks, or is no object file.
+
+    Notes
+    -----
     Each piece of code has a linker of its own, which takes a millisecond: a shared one would take a fifth of that, but
     bind calls across pieces where two have a function of the same name.
     """
-    for name in code.outside:
-        llvm.add_symbol(name, ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p).value)
+    try:
+        lacking = unknown(code.data)
+    except ValueError as error:
+        raise Unavailable(str(error)) from None
+    if lacking:
+        raise Unavailable(f"machine code calls {', '.join(lacking)}, which this process lacks")
     engine = _engine()
     engine.add_object_file(llvm.ObjectFileRef.from_data(code.data))
     engine.finalize_object()

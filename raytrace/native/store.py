@@ -2,8 +2,9 @@
 
 A folder holds what was made from the same sources by the same versions on the same processor: its name is a hash of all
 that, so an edit of any kernel source, in whichever file, starts an empty one. A file holds the code of one kernel for
-arguments of certain kinds, after a checksum and a header that says what it is. A file that can't be read, is torn, or
-is of another kernel, another kind or another folder is not there; where nothing can be written, nothing is kept.
+arguments of certain kinds, after a checksum and a header that says what it is. A file that can't be read, is corrupt,
+or is of another kernel, another kind or another folder is ignored, and so is what another user may have written. Where
+nothing can be written, nothing is kept, and one line says so.
 """
 
 import contextlib
@@ -20,14 +21,22 @@ from pathlib import Path
 import llvmlite.binding as llvm
 import numpy as np
 
+from raytrace.accel import lanes
+from raytrace.errors import FileError
+from raytrace.native import location, private_files, sources
 from raytrace.native.link import Code
 
 PACKAGE = Path(__file__).parents[1]
-SOURCES = "jit.py", "records.py", "native/*.py", "accel/*.py", "passes/*.py"  # what the code of kernels is made from
 SUFFIX = ".kernel"
 HASH = re.compile("[0-9a-f]{16}")  # name of a folder
 DIGEST = 32  # bytes of a checksum
 FOLDERS, DAY = 8, 86400.0  # so many folders are left when one is made, and those used in so many seconds
+VARIABLES = (  # of Numba's, those that change the machine code of kernels   [numba/core/config.py]
+    *("BOUNDSCHECK", "CPU_FEATURES", "CPU_NAME", "DEBUGINFO", "DISABLE_INTEL_SVML", "ENABLE_AVX", "ENABLE_PROFILING"),
+    *("EXTEND_VARIABLE_LIFETIMES", "LLVM_REFPRUNE_FLAGS", "LLVM_REFPRUNE_PASS", "LOOP_VECTORIZE", "OPT"),
+    *("SLP_VECTORIZE", "USE_LEGACY_TYPE_SYSTEM"),
+)
+CONFIG = ".numba_config.yaml"  # in the current folder: may set them too
 
 
 def _version(package: str) -> bytes:
@@ -41,30 +50,49 @@ def _version(package: str) -> bytes:
     return version(package).encode()
 
 
+def _target() -> str:
+    """The processor that Numba compiles for: this one, or what its variables name instead."""
+    name = os.environ.get("NUMBA_CPU_NAME") or llvm.get_host_cpu_name()
+    features = os.environ.get("NUMBA_CPU_FEATURES")
+    if features is None:
+        features = "" if name.lower() == "generic" else llvm.get_host_cpu_features().flatten()
+    return f"{llvm.get_process_triple()} {name} {features} {lanes.BITS}"
+
+
 def _ingredients() -> Iterator[bytes]:
     """All that the code of kernels depends on."""
-    for path in sorted(path for pattern in SOURCES for path in PACKAGE.glob(pattern)):
-        yield path.relative_to(PACKAGE).as_posix().encode()
-        yield path.read_bytes()
+    for name, content in sources.read(PACKAGE):
+        yield name.encode()
+        yield content
     yield _version("numba")
     yield _version("llvmlite")
     yield f"{sys.implementation.cache_tag} {sys.platform} {object.__basicsize__} {np.__version__}".encode()
-    yield f"{llvm.get_process_triple()} {llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}".encode()
-    yield from (f"{name}={os.environ[name]}".encode() for name in sorted(os.environ) if name.startswith("NUMBA_"))
+    yield _target().encode()
+    yield from (f"{name}={os.environ[f'NUMBA_{name}']}".encode() for name in VARIABLES if f"NUMBA_{name}" in os.environ)
+    with contextlib.suppress(OSError):
+        if os.path.isfile(CONFIG):
+            yield Path(CONFIG).read_bytes()
+
+
+def _key() -> str:
+    """Name of the folder: a hash of all that the code of kernels depends on."""
+    content = sha256()
+    for part in _ingredients():
+        content.update(sha256(part).digest())
+    return content.hexdigest()[:16]
 
 
 @cache
 def cache_folder() -> Path:
-    """Folder of this version's kernels: ``RAYTRACE_CACHE`` or the user's cache, then a hash of all they depend on."""
-    content = sha256()
-    for part in _ingredients():
-        content.update(sha256(part).digest())
-    root = os.environ.get("RAYTRACE_CACHE")
-    if not root:
-        from platformdirs import user_cache_dir
+    """Folder of this version's kernels.
 
-        root = user_cache_dir("raytrace", appauthor=False)
-    return Path(root) / content.hexdigest()[:16]
+    Raises
+    ------
+    FileError
+        There is no place to keep them, or it is not known what they depend on.
+    """
+    name = _key()
+    return location.find_root(name) / name
 
 
 def _title(kernel: str, kinds: str) -> str:
@@ -88,9 +116,12 @@ def find(kernel: str, kinds: str) -> Code | None:
     kinds : str
         Kinds of its arguments.
     """
-    touch()
     try:
-        content = path_of(kernel, kinds).read_bytes()
+        touch()
+        content = private_files.read(path_of(kernel, kinds))
+    except private_files.Untrusted as error:
+        _say(f"{error}: it is compiled anew" if error.path.suffix == SUFFIX else _unkept(error))
+        return None
     except OSError:
         return None
     checksum, content = content[:DIGEST], content[DIGEST:]
@@ -104,35 +135,53 @@ def find(kernel: str, kinds: str) -> Code | None:
 
 
 def keep(kernel: str, kinds: str, code: Code) -> bool:
-    """Write the code of a kernel, whole or not at all; whether that could be done."""
+    """Write the code of a kernel, whole or not at all; return whether it was written, and say why it wasn't."""
     if not kernel.startswith("raytrace."):
         return False
-    content = b"\n".join((_title(kernel, kinds).encode(), " ".join(code.outside).encode(), code.data))
-    return _write(path_of(kernel, kinds), sha256(content).digest() + content)
+    try:
+        content = b"\n".join((_title(kernel, kinds).encode(), " ".join(code.outside).encode(), code.data))
+        path = path_of(kernel, kinds)
+        _make_folder(path.parent)
+        private_files.write(path, sha256(content).digest() + content)
+    except OSError as error:
+        _say(_unkept(error))
+        return False
+    return True
 
 
 def can_keep() -> bool:
-    """Whether anything can be written."""
-    probe = cache_folder() / f".{os.getpid()}.tmp"
-    written = _write(probe, b"")
-    with contextlib.suppress(OSError):
-        probe.unlink()
-    return written
-
-
-def _write(path: Path, content: bytes) -> bool:
-    temporary = path.with_name(f".{os.urandom(8).hex()}.tmp")
+    """Whether kernels can be written; makes their folder."""
     try:
-        if not path.parent.is_dir():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            prune(path.parent)
-        temporary.write_bytes(content)
-        os.replace(temporary, path)  # others see the old file or the new one, never a part
-    except OSError:  # nowhere to write, or no room
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+        folder = cache_folder()
+        _make_folder(folder)
+        return not private_files.distrust(os.stat(folder)) and not private_files.probe(folder)
+    except OSError:
         return False
-    return True
+
+
+def _unkept(error: OSError) -> str:
+    """What to say where kernels can't be kept."""
+    reason = str(error)
+    if not isinstance(error, FileError):
+        trusted = not isinstance(error, private_files.Untrusted)
+        reason = f"{f'{cache_folder()}: {error.strerror}' if trusted else error}; {location.CURE}"
+    return f"every process compiles its kernels: {reason}"
+
+
+@cache
+def _say(line: str) -> None:
+    """Show a line on stderr, once a process, or wherever the program sends its log."""
+    import logging
+
+    logging.getLogger("raytrace").warning(line)
+
+
+def _make_folder(folder: Path) -> None:
+    above = private_files.nearest(folder)
+    if private_files.make_folder(folder):
+        if private_files.POSIX and os.geteuid() == 0 != os.stat(above).st_uid:
+            _say(f"{folder}: belongs to root, so other users can't read or write the kernels in it")
+        prune(folder)
 
 
 @cache
@@ -150,5 +199,5 @@ def prune(newest: Path) -> None:
         folders = {path.parent for path in newest.parent.glob(f"*/*{SUFFIX}") if HASH.fullmatch(path.parent.name)}
         by_age = sorted(folders - {newest}, key=lambda folder: folder.stat().st_mtime, reverse=True)
         for folder in by_age[FOLDERS - 1 :]:
-            if time.time() - folder.stat().st_mtime > DAY:
+            if time.time() - folder.stat().st_mtime > DAY and not private_files.distrust(folder.stat()):
                 rmtree(folder, ignore_errors=True)

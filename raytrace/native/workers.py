@@ -22,7 +22,7 @@ from raytrace.native.signatures import Kind, describe, kind_of
 
 MOST = 4  # processes: each takes half a second and 150 MB before it compiles, and two kernels take most of all the time
 PROGRAM = "import sys; sys.path[:] = {path!r}; from raytrace.native.workers import work; work()"
-DONE = b"done\n"
+DONE, CODE = b"done", b"code "  # answers: all is in the store; or what could not be put there
 
 Task = tuple[Any, tuple[Kind, ...]]  # a kernel, and kinds of arguments
 
@@ -67,7 +67,7 @@ def compile_all(tasks: Iterable[Task], report: Callable[[int, int], None] = lamb
         with contextlib.suppress(OSError):  # it has died
             mine.worker.stdin.write(base64.b64encode(pickle.dumps(share)) + b"\n")
             mine.worker.stdin.flush()
-            mine.worker.stdout.readline()
+            _take(share, mine.worker.stdout.readline())
 
     def stop() -> None:
         stopping.set()
@@ -84,9 +84,18 @@ def compile_all(tasks: Iterable[Task], report: Callable[[int, int], None] = lamb
             worker.communicate()  # closes its input, at the end of which it leaves
 
 
+def _take(share: list[Task], answer: bytes) -> None:
+    """Take in what a process compiled but could not keep, as where the disk has become full."""
+    if answer.startswith(CODE):
+        for (kernel, kinds), code in zip(share, pickle.loads(base64.b64decode(answer[len(CODE) :])), strict=True):
+            if code is not None:
+                kernel.keep(kinds, code)
+
+
 def _start() -> "subprocess.Popen[bytes]":
+    flags = subprocess._args_from_interpreter_flags()  # type: ignore[attr-defined]  # -I, -X dev, -W and the like
     return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM.format(path=sys.path)],
+        [sys.executable, *flags, "-c", PROGRAM.format(path=sys.path)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -99,6 +108,8 @@ def work() -> None:
     answers = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # whatever is printed is no answer
     for line in sys.stdin.buffer:
-        for kernel, kinds in pickle.loads(base64.b64decode(line)):
+        share = pickle.loads(base64.b64decode(line))
+        for kernel, kinds in share:
             kernel.compile(kinds)
-        answers.write(DONE)
+        unkept = [kernel.unkept(kinds) for kernel, kinds in share]
+        answers.write((CODE + base64.b64encode(pickle.dumps(unkept)) if any(unkept) else DONE) + b"\n")

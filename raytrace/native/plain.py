@@ -1,0 +1,51 @@
+"""Kernels by the public part of Numba alone: nothing is kept, and arrays' references are counted."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+import numba
+import numpy as np
+from numba.extending import overload, register_jitable
+
+from raytrace import jit
+from raytrace.accel import lanes_jit  # noqa: F401  (teaches Numba the SIMD lanes)
+from raytrace.native.fallback import Unavailable, private_parts
+
+FLAGS: dict[str, Any] = {"error_model": "numpy"}  # as in `compiler`: 1 / 0 is inf; and no fastmath
+
+
+def _teach() -> None:
+    """Tell Numba about callees as `compiler` does if it can; the others are compiled with what calls them."""
+    try:
+        with private_parts():
+            from raytrace.native.compiler import teach
+
+            teach()
+    except Unavailable:
+        while jit.callees:
+            function, options = jit.callees.pop(0)
+            register_jitable(**FLAGS, **options)(function)
+        while jit.forms:
+            function, choose = jit.forms.pop(0)
+            overload(function, inline="always")(choose)
+
+
+def compile_plain(function: Callable[..., Any], args: tuple[Any, ...]) -> Callable[..., Any]:
+    """Return a kernel compiled for such arguments; interpreted, very slowly, where LLVM can't find what it calls."""
+    _teach()
+    compiled = numba.njit(nogil=True, **FLAGS)(function)
+    with _checked() as lacking:
+        compiled.compile(tuple(map(numba.typeof, args)))
+    return np.errstate(all="ignore")(function) if lacking else compiled
+
+
+def _checked() -> AbstractContextManager[list[str]]:
+    """Look at machine code before it is linked, if that can be done."""
+    try:
+        with private_parts():
+            from raytrace.native.compiler import checked
+
+            return checked()
+    except Unavailable:
+        return nullcontext([])

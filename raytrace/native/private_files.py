@@ -1,0 +1,147 @@
+"""Files that only their owner may write: what another user may have put there is never read.
+
+Files are opened without waiting (a FIFO would wait for a writer), and checked again once they are open, because a name
+may mean another file by then. Owners and modes are checked on POSIX only; elsewhere the user's folders are private.
+"""
+
+import contextlib
+import errno
+import os
+import stat
+import time
+from pathlib import Path
+
+FOLDER, FILE = 0o700, 0o600  # modes
+OTHERS = stat.S_IWGRP | stat.S_IWOTH
+PROBE = 1 << 20  # bytes: more than the code of a kernel
+READ = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+POSIX, WINDOWS = hasattr(os, "geteuid"), os.name == "nt"
+ATTEMPTS, PAUSE = 8, 0.02  # to replace a file on Windows: the pauses double, 2.5 s in all
+
+
+class Untrusted(OSError):
+    """A file or folder that another user may have written; its text says which and why."""
+
+    def __init__(self, path: Path, reason: str) -> None:
+        self.path = path
+        super().__init__(f"{path} {reason}")
+
+
+def distrust(status: os.stat_result) -> str:
+    """Return why the content of a file or folder may be another user's; "" if only this user or root may write it."""
+    if not POSIX:
+        return ""
+    if status.st_uid not in (os.geteuid(), 0):
+        return f"belongs to another user (uid {status.st_uid})"
+    if status.st_mode & OTHERS:
+        return f"can be written by other users (mode {stat.S_IMODE(status.st_mode):03o})"
+    return ""
+
+
+def _check(status: os.stat_result, path: Path) -> None:
+    if reason := distrust(status):
+        raise Untrusted(path, reason)
+
+
+def _check_regular(status: os.stat_result, path: Path) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
+
+
+def read(path: Path) -> bytes:
+    """Return the content of a regular file that nobody else may have written.
+
+    Raises
+    ------
+    Untrusted
+        The file or its folder belongs to another user, or others may write it.
+    OSError
+        It can't be read.
+    """
+    with contextlib.ExitStack() as stack:
+        folder: int | None = None
+        name: Path | str = path
+        if POSIX:  # the file is looked up in the folder that was checked
+            folder = os.open(path.parent, READ | os.O_DIRECTORY)
+            stack.callback(os.close, folder)
+            _check(os.fstat(folder), path.parent)
+            name = path.name
+        _check_regular(os.stat(name, dir_fd=folder), path)
+        stream = stack.enter_context(open(os.open(name, READ, dir_fd=folder), "rb"))
+        status = os.fstat(stream.fileno())
+        _check_regular(status, path)
+        _check(status, path)
+        return stream.read()
+
+
+def make_folder(folder: Path) -> bool:
+    """Make a folder and those above it, for this user alone whatever the umask; return whether it was missing."""
+    missing = []
+    for each in (folder, *folder.parents):
+        if os.path.isdir(each):
+            break
+        missing.append(each)
+    for each in reversed(missing):
+        with contextlib.suppress(FileExistsError):  # another process made it
+            os.mkdir(each, FOLDER)
+            if POSIX:
+                os.chmod(each, FOLDER)
+    return bool(missing)
+
+
+def write(path: Path, content: bytes) -> None:
+    """Write a file in an existing folder of this user, whole or not at all.
+
+    Raises
+    ------
+    Untrusted
+        The folder belongs to another user, or others may write it.
+    OSError
+        It can't be written.
+    """
+    _check(os.stat(path.parent), path.parent)
+    temporary = path.with_name(f".{os.urandom(8).hex()}.tmp")
+    try:
+        with open(os.open(temporary, CREATE, FILE), "wb") as stream:
+            stream.write(content)
+        if POSIX:
+            os.chmod(temporary, FILE)
+        replace(temporary, path)  # others see the old file or the new one, never a part
+    except BaseException:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise
+
+
+def replace(source: Path, target: Path) -> None:
+    """Rename a file onto another one; on Windows again and again for a while: a virus scanner may hold either."""
+    for attempt in range(ATTEMPTS):
+        try:
+            return os.replace(source, target)
+        except PermissionError:
+            if not WINDOWS or attempt == ATTEMPTS - 1:
+                raise
+            time.sleep(PAUSE * 2**attempt)
+    return None
+
+
+def nearest(folder: Path) -> Path:
+    """Return the folder, or what exists above it."""
+    return next((each for each in (folder, *folder.parents) if os.path.exists(each)), folder)
+
+
+def probe(folder: Path) -> str:
+    """Return why no file of a kernel's size can be written in a folder or where it would be made; "" if one can."""
+    name = nearest(folder) / f".{os.urandom(8).hex()}.tmp"
+    try:
+        with contextlib.suppress(FileNotFoundError):
+            os.stat(folder)  # a name too long, or below a file
+        with open(os.open(name, CREATE, FILE), "wb") as stream:
+            stream.write(os.urandom(PROBE))
+    except OSError as error:
+        return error.strerror or str(error)
+    finally:
+        with contextlib.suppress(OSError):
+            name.unlink(missing_ok=True)
+    return ""
