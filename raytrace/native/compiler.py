@@ -22,11 +22,14 @@ from numba.extending import overload
 
 from raytrace import jit
 from raytrace.accel import lanes_jit  # noqa: F401  (teaches Numba the SIMD lanes)
+from raytrace.native import processor
 from raytrace.native.entry import Entry, check_layout, numba_type
 from raytrace.native.link import SYMBOL, Code
 from raytrace.native.signatures import Kind
 
 OPTIONS = {"error_model": "numpy", "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+if processor.narrowed():
+    numba.config.CPU_FEATURES = processor.cpu_features()  # Numba reads it when it compiles something for the first time
 _callees: dict[Callable[..., Any], Dispatcher] = {}  # Numba itself only keeps weak references
 
 

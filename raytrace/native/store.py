@@ -21,6 +21,7 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from raytrace.native.link import Code
+from raytrace.native.processor import cpu_features, cpu_name, register_bits
 
 PACKAGE = Path(__file__).parents[1]
 SOURCES = "jit.py", "records.py", "native/*.py", "accel/*.py", "passes/*.py"  # what the code of kernels is made from
@@ -49,7 +50,7 @@ def _ingredients() -> Iterator[bytes]:
     yield _version("numba")
     yield _version("llvmlite")
     yield f"{sys.implementation.cache_tag} {sys.platform} {object.__basicsize__} {np.__version__}".encode()
-    yield f"{llvm.get_process_triple()} {llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}".encode()
+    yield f"{llvm.get_process_triple()} {cpu_name()} {cpu_features()} {register_bits()}".encode()
     yield from (f"{name}={os.environ[name]}".encode() for name in sorted(os.environ) if name.startswith("NUMBA_"))
 
 
