@@ -8,7 +8,6 @@ the machine code is that of a processor without them. The results have the same 
 
 import os
 import re
-from functools import cache
 
 import llvmlite.binding as llvm
 
@@ -61,7 +60,6 @@ def width_of(features: str) -> int:
     return next((bits for bits, name in WIDER if known.get(name)), NARROWEST)
 
 
-@cache
 def register_bits() -> int:
     """Bits of one vector register, as kernels use it.
 
@@ -87,7 +85,6 @@ def narrowed() -> bool:
     return register_bits() < width_of(_given_features())
 
 
-@cache
 def cpu_features() -> str:
     """Features in LLVM's notation, without those that need wider registers than are used."""
     features = _given_features()
