@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rays
-from raytrace.accel import lanes, lanes_jit  # noqa: F401  (teaches Numba the lanes)
+from raytrace.accel import lanes
 from raytrace.accel.lanes import (
     absolute,
     bits,
@@ -41,6 +41,7 @@ from raytrace.accel.lanes import (
     to_int,
     to_real,
 )
+from raytrace.native import compiler  # noqa: F401  (teaches Numba the lanes, and their width)
 
 WIDTHS = (4, 8, 16)
 FLOATS = ("float32", "float64")

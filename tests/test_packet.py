@@ -9,7 +9,7 @@ import exact
 import rays
 import raytrace as rt
 from raytrace.accel.bundle import BUNDLE
-from raytrace.accel.lanes import packet_width
+from raytrace.accel.lanes import group_size, packet_width
 
 PRECISIONS = ("float32", "float64")
 NEAREST = 2.0**-10  # normals are rounded: where an origin lies in a triangle, t is only nearly 0
@@ -165,6 +165,24 @@ def test_neighbours_of_extreme_lengths_change_nothing(precision):
         assert rays.same_hits(mixture, hits._replace(t=hits.t / scale))
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_every_ray_of_a_narrow_bundle_hits_however_many_there_are(precision, axis, sign):
+    """Parallel rays straight at a large triangle, with another far behind it: so narrow that they go as bundles."""
+    triangle = np.array([[-9.0, -9.0, 0.0], [9.0, -9.0, 0.0], [0.0, 9.0, 0.0]])
+    vertices = np.roll(np.concatenate([triangle, triangle - [0.0, 0.0, 50.0]]) * sign, axis, axis=1)
+    bvh = rt.BVH(vertices, np.arange(6).reshape(2, 3), precision)
+    for n in (*range(1, 40), 63, 64, 65, 127, 128, 129):
+        o = np.zeros((n, 3))
+        o[:, 0], o[:, 2] = np.linspace(-0.1, 0.1, n), 5.0
+        o, d = np.roll(o * sign, axis, axis=1), np.roll(np.tile([0.0, 0.0, -sign], (n, 1)), axis, axis=1)
+        hits = bvh.closest_hit(o, d)
+        assert (hits.prim_id == 0).all()
+        assert (hits.t == 5.0).all()
+        assert bvh.any_hit(o, d).all()
+
+
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_bundles_and_packets_share_their_way_and_others_go_alone(precision):
     """What the tests above stand on: nodes are counted once for a bundle, a packet, or a ray that goes alone."""
@@ -179,7 +197,7 @@ def test_bundles_and_packets_share_their_way_and_others_go_alone(precision):
         return work.counts[0]
 
     width = packet_width(bvh.triangles)
-    assert visited(rays.packed) == len(d) // (BUNDLE * width)
+    assert visited(rays.packed) == len(d) // (group_size(bvh.triangles) * width)
     assert visited(rays.packed, tmin=-1.0) == len(d) // width  # a frustum begins where its rays do
     assert visited(rays.mixed) >= len(d)
     assert visited(rays.bundled) == len(d)

@@ -68,17 +68,47 @@ def test_a_key_is_the_cell_of_the_origin_and_the_kind_of_the_direction(precision
     assert len(kept) == 4
 
 
-def test_rays_that_are_in_order_stay_in_it():
-    """Rays of a camera, and the same rays shuffled."""
-    bvh = rt.BVH(*rays.icosphere(4))
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_rays_that_are_in_order_stay_in_it_and_others_are_sorted(precision, monkeypatch):
+    """Rays of a camera, and rays from anywhere."""
+    bvh = rt.BVH(*rays.icosphere(4), precision)
     y, x = np.mgrid[0:64, 0:64] / 32 - 1
     d = np.stack([x, y, np.full_like(x, -3)], -1).reshape(-1, 3)
     o = np.broadcast_to([0.0, 0, 3], d.shape)
-    room = reorder.make_room(len(d), np.dtype("float32"), bvh.work())
-    asked, kept = batch(o, d, "float32")
+    sorted_at, real = [], reorder._sorted
+
+    def spy(rays, n, grid, room):
+        sorted_at.append(n)
+        return real(rays, n, grid, room)
+
+    monkeypatch.setattr(reorder, "_sorted", spy)
+    room = reorder.make_room(len(d), np.dtype(precision), bvh.work())
+    asked, kept = batch(o, d, precision)
     assert reorder.changes(asked, len(d), bvh.grid, room) < 0.2 * reorder.SAMPLE
-    asked, kept = batch(np.random.default_rng(5).permutation(bvh.vertices)[: len(d)], d[:2000], "float32")
+    bvh.closest_hit(o, d)
+    bvh.any_hit(o, d)
+    assert sorted_at == []
+    o, d = np.random.default_rng(5).permutation(bvh.vertices)[:2000], d[:2000]
+    asked, kept = batch(o, d, precision)
     assert reorder.changes(asked, 2000, bvh.grid, room) > 0.8 * reorder.SAMPLE
+    bvh.closest_hit(o, d)
+    bvh.any_hit(o, d)
+    assert sum(sorted_at) == 4000  # chunk by chunk
+    assert len(kept) == 4
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_changes_are_counted_between_neighbours_whatever_the_width_of_registers(precision):
+    """Runs of 16 rays, spread evenly over all: the count is worked out from the rays' octants alone."""
+    bvh = rt.BVH(*rays.cube(), precision)  # a grid of one cell
+    n = 16 * reorder.SAMPLE
+    signs = np.random.default_rng(8).choice([-1.0, 1.0], n)
+    d = np.stack([signs, np.full(n, 0.5), np.full(n, 0.25)], axis=1)
+    starts = [part * (n - rays.PACKET) // (reorder.SAMPLE // rays.PACKET - 1) for part in range(16)]
+    expected = sum(np.count_nonzero(np.diff(signs[start : start + rays.PACKET])) for start in starts)
+    room = reorder.make_room(n, np.dtype(precision), bvh.work())
+    asked, kept = batch(0 * d, d, precision)
+    assert reorder.changes(asked, n, bvh.grid, room) == expected
     assert len(kept) == 4
 
 

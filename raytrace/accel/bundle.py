@@ -32,7 +32,7 @@ from raytrace.accel.stack import ROOT, push
 from raytrace.accel.triangle import intersect
 from raytrace.jit import inlined
 
-BUNDLE = 4  # packets; as many as a group has rays, so that all groups fill a register
+BUNDLE = 4  # packets, at most: as many as a group has rays, so that all groups fill a register
 GROUPS = 0x1111  # bits of the groups of a bundle's first packet; shifted by r, of packet r
 
 

@@ -8,19 +8,13 @@ can print: so runs a kernel when the JIT is disabled. ``lanes_jit`` teaches Numb
 
 from fractions import Fraction
 
-import llvmlite.binding
 import numpy as np
 
+from raytrace.native import processor
+
 NODE = 8  # lanes of a node: one ray against eight boxes or triangles, in either precision
-
-
-def _host_bits() -> int:
-    features = llvmlite.binding.get_host_cpu_features()
-    return 512 if features.get("avx512f") else 256 if features.get("avx2") else 128
-
-
 PACKET = 16  # most rays of a packet on any machine
-BITS = _host_bits()  # of one vector register of this machine
+BITS = processor.register_bits()  # of one vector register
 
 
 def packet_width(a):
@@ -29,7 +23,10 @@ def packet_width(a):
 
 
 def group_size(a):
-    """Lanes of a group in packets of arrays like ``a``: neighbours whose bounds are kept as one."""
+    """Lanes of a group in packets of arrays like ``a``: neighbours whose bounds are kept as one.
+
+    It is also the number of packets of a bundle: so the groups of a bundle fill one register.
+    """
     return min(4, packet_width(a))
 
 

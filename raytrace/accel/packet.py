@@ -16,6 +16,7 @@ from raytrace.accel.lanes import (
     lane_min,
     load,
     mask_of,
+    packet_width,
     peek,
     select,
     splat,
@@ -28,7 +29,7 @@ from raytrace.accel.stack import ROOT, push
 from raytrace.accel.triangle import intersect
 from raytrace.jit import inlined
 
-FEW = 4  # rays of a packet that are better off alone
+FEW = 4  # rays of a packet that are better off alone, and never more than half of it
 
 
 @inlined
@@ -81,9 +82,9 @@ def enter_packet(nodes, node, rays, limits, top, work):
 
 
 @inlined
-def few(lanes):
-    """At most FEW bits are set."""
-    for _ in range(FEW):
+def few(lanes, work):
+    """At most FEW bits are set, or half of a packet's if it has fewer than 2 FEW."""
+    for _ in range(min(FEW, packet_width(work.lanes) // 2)):
         lanes &= lanes - 1
     return lanes == 0
 
@@ -134,7 +135,7 @@ def closest_packet(tree, rays, beam, alive, tmax, work):
         if peek(work.t, top) > farthest:
             continue
         child, left = np.int64(peek(work.child, top)), np.int64(peek(work.alive, top))
-        if few(left):
+        if few(left, work):
             if not written:
                 put_rays(work, rays)
                 written = True
@@ -181,7 +182,7 @@ def any_packet(tree, rays, beam, alive, tmax, work):
     while top > 0 and occluded != alive:
         top -= 1
         child, left = np.int64(peek(work.child, top)), peek(work.alive, top) & ~occluded
-        if few(left):
+        if few(left, work):
             if not written:
                 put_rays(work, rays)
                 put(work, HIT, (tmax,))

@@ -7,7 +7,7 @@ rays of one kind go through the tree side by side.
 import numpy as np
 
 from raytrace.accel.box import make_beam, make_slabs, wide_beam
-from raytrace.accel.bundle import BUNDLE, Bundle, any_in_packet, closest_in_packet, trace_bundle
+from raytrace.accel.bundle import Bundle, any_in_packet, closest_in_packet, trace_bundle
 from raytrace.accel.frustum import make_frusta
 from raytrace.accel.kinds import (
     FRAME,
@@ -31,6 +31,7 @@ from raytrace.accel.lanes import (
     compress,
     first_bit,
     gather,
+    group_size,
     lane_numbers,
     load,
     load_rows,
@@ -161,7 +162,7 @@ def raw(work, r, like):
 def packets_from(i, n, work):
     """How many packets the bundle has that begins with ray i."""
     width = packet_width(work.lanes)
-    return min(BUNDLE, (n - i + width - 1) // width)
+    return min(group_size(work.lanes), (n - i + width - 1) // width)
 
 
 @inlined
@@ -224,7 +225,7 @@ def any_of_packet(tree, r, work, like):
 def closest_hit(tree, rays, hits, n, work):
     """Nearest hits of n rays."""
     like, width = packet(tree.nodes.bounds), packet_width(tree.nodes.bounds)
-    for i in range(0, n, BUNDLE * width):
+    for i in range(0, n, group_size(work.lanes) * width):
         together = went_together(tree, rays, i, n, closest_in_packet, work)
         for r in range(packets_from(i, n, work)):
             if not together:
@@ -241,7 +242,7 @@ def closest_hit(tree, rays, hits, n, work):
 def any_hit(tree, rays, occluded, n, work):
     """Whether n rays hit anything."""
     like, width = packet(tree.nodes.bounds), packet_width(tree.nodes.bounds)
-    for i in range(0, n, BUNDLE * width):
+    for i in range(0, n, group_size(work.lanes) * width):
         together = went_together(tree, rays, i, n, any_in_packet, work)
         for r in range(packets_from(i, n, work)):
             if together:

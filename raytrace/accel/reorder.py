@@ -99,14 +99,14 @@ def keys_of(rays, i, n, grid, like):
 
 @kernel
 def changes(rays, n, grid, room):
-    """How often neighbours differ in cell or kind, among ``SAMPLE`` rays taken a packet here and there."""
+    """How often neighbours differ in cell or kind, among ``SAMPLE`` rays: runs of ``PACKET``, here and there."""
     like = packet(room.rays)
-    width = packet_width(room.rays)
     found = 0
-    for part in range(SAMPLE // width):
-        i = part * (n - width) // (SAMPLE // width - 1)
-        store(room.keys[0], 0, keys_of(rays, i, n, grid, like))
-        for k in range(1, width):
+    for part in range(SAMPLE // PACKET):
+        i = part * (n - PACKET) // (SAMPLE // PACKET - 1)
+        for k in range(0, PACKET, packet_width(room.rays)):
+            store(room.keys[0], k, keys_of(rays, i + k, n, grid, like))
+        for k in range(1, PACKET):
             found += room.keys[0, k] != room.keys[0, k - 1]
     return found
 

@@ -22,6 +22,7 @@ from numba.extending import overload
 
 from raytrace import jit
 from raytrace.accel import lanes_jit  # noqa: F401  (teaches Numba the SIMD lanes)
+from raytrace.native import processor
 from raytrace.native.entry import Entry, check_layout, numba_type
 from raytrace.native.fallback import Unavailable
 from raytrace.native.link import SYMBOL, Code
@@ -29,6 +30,8 @@ from raytrace.native.signatures import Kind
 from raytrace.native.symbols import stand_in, unknown
 
 OPTIONS = {"error_model": "numpy", "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+if processor.narrowed():
+    numba.config.CPU_FEATURES = processor.cpu_features()  # Numba reads it when it compiles something for the first time
 _callees: dict[Callable[..., Any], Dispatcher] = {}  # Numba itself only keeps weak references
 
 

@@ -21,10 +21,10 @@ from pathlib import Path
 import llvmlite.binding as llvm
 import numpy as np
 
-from raytrace.accel import lanes
 from raytrace.errors import FileError
 from raytrace.native import location, private_files, sources
 from raytrace.native.link import Code
+from raytrace.native.processor import cpu_features, cpu_name, register_bits
 
 PACKAGE = Path(__file__).parents[1]
 SUFFIX = ".kernel"
@@ -50,15 +50,6 @@ def _version(package: str) -> bytes:
     return version(package).encode()
 
 
-def _target() -> str:
-    """The processor that Numba compiles for: this one, or what its variables name instead."""
-    name = os.environ.get("NUMBA_CPU_NAME") or llvm.get_host_cpu_name()
-    features = os.environ.get("NUMBA_CPU_FEATURES")
-    if features is None:
-        features = "" if name.lower() == "generic" else llvm.get_host_cpu_features().flatten()
-    return f"{llvm.get_process_triple()} {name} {features} {lanes.BITS}"
-
-
 def _ingredients() -> Iterator[bytes]:
     """All that the code of kernels depends on."""
     for name, content in sources.read(PACKAGE):
@@ -67,7 +58,7 @@ def _ingredients() -> Iterator[bytes]:
     yield _version("numba")
     yield _version("llvmlite")
     yield f"{sys.implementation.cache_tag} {sys.platform} {object.__basicsize__} {np.__version__}".encode()
-    yield _target().encode()
+    yield f"{llvm.get_process_triple()} {cpu_name()} {cpu_features()} {register_bits()}".encode()
     yield from (f"{name}={os.environ[f'NUMBA_{name}']}".encode() for name in VARIABLES if f"NUMBA_{name}" in os.environ)
     with contextlib.suppress(OSError):
         if os.path.isfile(CONFIG):
