@@ -27,6 +27,10 @@ class RefusedError(ValueError):
     """A picture that there is no room for, or that is none."""
 
 
+class NoMemoryError(RefusedError):
+    """A picture that there is not enough memory for."""
+
+
 def content(path: Path) -> bytes:
     """Content of a picture file, if it is one and not too large."""
     if path.exists() and not (path.is_file() or path.is_dir()):
@@ -40,7 +44,7 @@ def _afford(pixels: int, each: float) -> None:
     if pixels > MAX_PIXELS:
         raise RefusedError(f"it has {pixels:,} pixels; at most {MAX_PIXELS:,}")
     if lacks := Allowance().lacks(pixels * each, "scale it down"):
-        raise RefusedError(lacks.partition(", or ")[0])
+        raise NoMemoryError(lacks.partition(", or ")[0])
 
 
 def read_png(data: bytes) -> Contents:

@@ -37,6 +37,13 @@ class OptionError(RaytraceError, ValueError):
     exit_code = 2
 
 
+class MemoryLimitError(OptionError, FileError):
+    """More memory than there is: ``memory: what takes how much, and what to change``.
+
+    The cure is an option, or a smaller file. So it is an OptionError, and a FileError where a file is too large.
+    """
+
+
 def shortened(text: str, most: int = 60) -> str:
     """Cut a text that is long.
 

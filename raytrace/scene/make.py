@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.errors import FileError, SceneError
+from raytrace.errors import FileError, MemoryLimitError, SceneError
 from raytrace.limits import MAX_TRIANGLES
 from raytrace.memory import Allowance, Joining
 from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Lights, Materials, Mesh, RawMesh, Scene, Settings
@@ -41,13 +41,13 @@ def make_scene(
     SceneError, FileError
         What is wrong with meshes.
     """
-    placed, problems = _place_all(scene, reach)
+    placed, problems, file_warnings = _place_all(scene, reach)
     if problems:
         raise text.error(problems, origins)
     mesh, mesh_warnings = assemble(placed)
     names = _names(scene)
     warnings = checks.warn(data)
-    warnings += [Problem(("objects", i, "mesh"), f"{names[i]}: {what}") for i, what in mesh_warnings]
+    warnings += [Problem(("objects", i, "mesh"), f"{names[i]}: {what}") for i, what in file_warnings + mesh_warnings]
     view = scene.camera
     camera = Camera(np.array(view.position), np.array(view.look_at), np.array(view.up), view.fov)
     background = np.array(scene.background)
@@ -77,34 +77,39 @@ def fingerprint(scene: Scene) -> str:
     return _hash(scene.camera, scene.settings.max_depth, scene.background, scene.materials, scene.lights, scene.mesh)
 
 
-def _place_all(scene: Any, reach: Reach) -> tuple[list[Placed], list[Problem]]:
-    """Read each mesh file once, and put it where the objects want it."""
+def _place_all(scene: Any, reach: Reach) -> tuple[list[Placed], list[Problem], list[tuple[int, str]]]:
+    """Read each mesh file once, and put it where the objects want it; with what the files warn of, by object."""
     rows = {name: row for row, name in enumerate(scene.materials)}
     read: dict[str, RawMesh | None] = {}
-    placed, problems = list[Placed](), list[Problem]()
+    placed, problems, notes = list[Placed](), list[Problem](), list[tuple[int, str]]()
     allowance, joining = Allowance(reach.max_memory), Joining()
     for i, entry in enumerate(scene.objects):
         try:
             if entry.mesh not in read:
                 read[entry.mesh] = None  # a broken file is told once
-                read[entry.mesh] = mesh = read_mesh(reach.find(entry.mesh), allowance)
-                allowance.left -= sum(array.nbytes for array in mesh if array is not None)
+                read[entry.mesh] = mesh = read_mesh(reach.find(entry.mesh), allowance, reach.around(entry.mesh))
+                allowance.left -= mesh.nbytes
+                notes += [(i, text) for text in mesh.warnings]
             raw = read[entry.mesh]
             if raw is not None:
                 joining = joining.with_object(len(raw.faces), len(raw.vertices), _smoothness(raw, entry))
                 _afford(joining, allowance)
                 placed.append(place(raw, entry, rows[entry.material]))
         except _TooLargeError as error:  # and more would not make it smaller
-            return [], [*problems, Problem(("objects", i, "mesh"), str(error), unreadable=True)]
+            return [], [*problems, mesh_problem(i, error)], []
         except (SceneError, FileError) as error:
             problems.append(mesh_problem(i, error))
         except ValueError as error:
             problems.append(Problem(("objects", i), str(error)))
-    return placed, problems
+    return placed, problems, notes
 
 
 class _TooLargeError(FileError):
     """A scene that no cure of one mesh makes small enough."""
+
+
+class _TooMuchMemoryError(_TooLargeError, MemoryLimitError):
+    """The same, for lack of memory."""
 
 
 def _smoothness(raw: RawMesh, entry: Any) -> int:
@@ -117,7 +122,7 @@ def _afford(joining: Joining, allowance: Allowance) -> None:
     if joining.triangles > MAX_TRIANGLES:
         raise _TooLargeError(f"with this object there are {joining.triangles:,} triangles; at most {MAX_TRIANGLES:,}")
     if lacks := allowance.lacks(joining.total(), "simplify the meshes, or use fewer objects"):
-        raise _TooLargeError(f"the scene, of {joining.triangles:,} triangles with this object, {lacks}")
+        raise _TooMuchMemoryError(f"memory: the scene, of {joining.triangles:,} triangles with this object, {lacks}")
 
 
 def _materials(scene: Any) -> Materials:
