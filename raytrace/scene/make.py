@@ -1,6 +1,7 @@
 """From a valid scene to arrays: its meshes read and put in place, its tables, its hash."""
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from raytrace.memory import Allowance, Joining
 from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Lights, Materials, Mesh, RawMesh, Scene, Settings
 from raytrace.scene import checks
 from raytrace.scene.files import Reach
+from raytrace.scene.given import MARK, read_given
 from raytrace.scene.meshes import read_mesh
 from raytrace.scene.place import Placed, assemble, place
 from raytrace.scene.positions import Origins
@@ -41,7 +43,7 @@ def make_scene(
     SceneError, FileError
         What is wrong with meshes.
     """
-    placed, problems, file_warnings = _place_all(scene, reach)
+    placed, problems, file_warnings = _place_all(scene, reach, text.meshes)
     if problems:
         raise text.error(problems, origins)
     mesh, mesh_warnings = assemble(placed)
@@ -77,8 +79,10 @@ def fingerprint(scene: Scene) -> str:
     return _hash(scene.camera, scene.settings.max_depth, scene.background, scene.materials, scene.lights, scene.mesh)
 
 
-def _place_all(scene: Any, reach: Reach) -> tuple[list[Placed], list[Problem], list[tuple[int, str]]]:
-    """Read each mesh file once, and put it where the objects want it; with what the files warn of, by object."""
+def _place_all(
+    scene: Any, reach: Reach, given: Mapping[str, Any]
+) -> tuple[list[Placed], list[Problem], list[tuple[int, str]]]:
+    """Read each mesh once, and put it where the objects want it; with what the files warn of, by object."""
     rows = {name: row for row, name in enumerate(scene.materials)}
     read: dict[str, RawMesh | None] = {}
     placed, problems, notes = list[Placed](), list[Problem](), list[tuple[int, str]]()
@@ -87,9 +91,12 @@ def _place_all(scene: Any, reach: Reach) -> tuple[list[Placed], list[Problem], l
         try:
             if entry.mesh not in read:
                 read[entry.mesh] = None  # a broken file is told once
-                read[entry.mesh] = mesh = read_mesh(reach.find(entry.mesh), allowance, reach.around(entry.mesh))
-                allowance.left -= mesh.nbytes
-                notes += [(i, text) for text in mesh.warnings]
+                if entry.mesh in given:
+                    read[entry.mesh] = read_given(given[entry.mesh])
+                else:
+                    read[entry.mesh] = mesh = read_mesh(reach.find(entry.mesh), allowance, reach.around(entry.mesh))
+                    allowance.left -= mesh.nbytes
+                    notes += [(i, text) for text in mesh.warnings]
             raw = read[entry.mesh]
             if raw is not None:
                 joining = joining.with_object(len(raw.faces), len(raw.vertices), _smoothness(raw, entry))
@@ -142,7 +149,7 @@ def _names(scene: Any) -> tuple[str, ...]:
     names: list[str] = []
     counts: dict[str, int] = {}
     for entry in scene.objects:
-        name = Path(entry.mesh).name
+        name = "mesh" if entry.mesh.startswith(MARK) else Path(entry.mesh).name
         counts[name] = counts.get(name, 0) + 1
         names.append(name if counts[name] == 1 else f"{name} ({counts[name]})")
     return tuple(names)
