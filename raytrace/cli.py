@@ -275,6 +275,9 @@ def main(argv: list[str] | None = None) -> int:
     except RaytraceError as error:
         _say(str(error))
         return error.exit_code
+    except MemoryError:  # less than was estimated to be free
+        _say("memory: there is not enough; take a smaller film by --size, smaller meshes, or fewer --threads")
+        return USAGE
     except ArgumentError as error:
         _say(f"raytrace: error: {error}")
         return USAGE

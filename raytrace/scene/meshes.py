@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytrace.errors import FileError, MemoryLimitError, SceneError, shortened
+from raytrace.errors import FileError, MemoryLimitError, RaytraceError, SceneError, shortened
 from raytrace.limits import MAX_MESH, MAX_TRIANGLES
 from raytrace.memory import Allowance, of_reading
 from raytrace.records import RawMesh
@@ -136,6 +136,8 @@ def read_mesh(path: Path, allowance: Allowance | None = None, reach: Reach | Non
         with np.errstate(all="ignore"):  # what is not finite is found below
             read = READERS.get(kind) or _other_reader(path, reach, allowance)
             parts = [part for part in read(data, most) if part is not None]
+    except RaytraceError:
+        raise
     except ObjError as error:
         raise SceneError([f"{path}:{error.line}: {error}"]) from None
     except MemoryError:  # less than seemed free

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.errors import FileError, MemoryLimitError, shortened
+from raytrace.errors import FileError, MemoryLimitError, SceneError, printable, shortened
 from raytrace.limits import MAX_MESH
 from raytrace.memory import READING, READING_OTHER, Allowance
 from raytrace.records import RawMesh
@@ -61,8 +61,8 @@ def _buffer(path: Path, uri: str, reach: Reach, allowance: Allowance) -> bytes:
     """Content of a file that a glTF file names."""
     from urllib.parse import unquote
 
-    found = reach.beside(path, unquote(uri))
     try:
+        found = reach.beside(path, unquote(uri))
         with open(
             os.open(found, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)), "rb"
         ) as file:
@@ -77,8 +77,12 @@ def _buffer(path: Path, uri: str, reach: Reach, allowance: Allowance) -> bytes:
             return file.read(status.st_size)
     except FileError:
         raise
-    except (OSError, ValueError) as error:
-        raise FileError(f"{path}: {shortened(uri, 200)}: can't be read: {getattr(error, 'strerror', error)}") from None
+    except SceneError as error:
+        raise SceneError([f"{path}: {error}"]) from None
+    except (OSError, ValueError) as error:  # the second of a zero byte
+        raise FileError(
+            f"{path}: {printable(shortened(uri, 200))}: can't be read: {getattr(error, 'strerror', error)}"
+        ) from None
 
 
 # ---- trimesh -------------------------------------------------------------------------------------------------------
