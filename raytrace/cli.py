@@ -125,6 +125,8 @@ def _compare(args: Namespace) -> int:
 
     try:
         measured = raytrace.compare(args.image, args.reference)
+    except RaytraceError:
+        raise
     except ValueError as error:  # of different size
         _say(f"{args.image}, {args.reference}: {error}")
         return DIFFERENT

@@ -1,4 +1,4 @@
-"""One reason, one code: whatever lacks memory, and wherever that is found, the exit code is 2 and the line says memory."""
+"""One reason, one code: where memory is lacking, wherever that is found, the exit code is 2 and the line says memory."""
 
 import gzip
 
