@@ -37,11 +37,12 @@ class OptionError(RaytraceError, ValueError):
     exit_code = 2
 
 
-class MemoryLimitError(OptionError, FileError):
-    """More memory than there is: ``memory: what takes how much, and what to change``.
+class MemoryLimitError(OptionError):
+    """More memory than there is: ``memory: what takes how much, and what to change``."""
 
-    The cure is an option, or a smaller file. So it is an OptionError, and a FileError where a file is too large.
-    """
+
+class FileMemoryError(MemoryLimitError, FileError):
+    """A file that takes more memory to read than there is. It has the exit code of every lack of memory."""
 
 
 def shortened(text: str, most: int = 60) -> str:

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace import png
-from raytrace.errors import FileError, MemoryLimitError, printable, shortened
+from raytrace.errors import FileError, FileMemoryError, printable, shortened
 from raytrace.paths import check_path, suffix_of
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # (3,) f8: Y of linear Rec. 709 and sRGB primaries   [ITU-R BT.709-6]
@@ -166,7 +166,7 @@ def load(path: str | os.PathLike[str]) -> Picture:
     try:
         arrays, provenance = read(decoding.content(path))
     except decoding.NoMemoryError as error:
-        raise MemoryLimitError(f"memory: {path}: {error}") from None
+        raise FileMemoryError(f"memory: {path}: {error}") from None
     except decoding.RefusedError as error:
         raise FileError(f"{path}: {error}") from None
     except OSError as error:  # with a strerror: of the system; without: Pillow's

@@ -19,7 +19,7 @@ GROUPS = (
 )
 
 READING = {".obj": 3, ".ply": 7, ".stl": 3, ".glb": 6}  # bytes to read a byte of a file
-READING_OTHER = 30  # of every other format: XML and JSON take so much
+READING_OTHER = 20  # of every other format, unpacked
 TEXT = {".obj": (3, 85), ".ply": (3, 57), ".stl": (3, 52)}  # and a byte of a text, and a word of it
 CORNERS, VERTEX = 24, 24  # of three indices, and of a point
 JOINED, SMOOTH = 36, 72  # of a triangle in a scene, and of its shading normals

@@ -1,4 +1,4 @@
-"""One reason, one code: where memory is lacking, wherever that is found, the exit code is 2 and the line says memory."""
+"""One reason, one code: where memory is lacking, the exit code is 2 and the line says memory, wherever it is found."""
 
 import gzip
 
@@ -8,7 +8,7 @@ import pytest
 import raytrace as rt
 from gltf_files import File
 from raytrace import cli, image, memory, rendering
-from raytrace.errors import MemoryLimitError
+from raytrace.errors import FileMemoryError
 from scene_files import scene, write
 
 FREE = {  # what is too much -> a mesh, bytes that are allowed or free
@@ -60,7 +60,7 @@ def test_meshes_that_take_too_much(folder, what, capsys):
             assert ".mesh: memory: " in line
             assert "no complete" not in line
             assert "allow more by --max-memory (max_memory=)" in line
-    with pytest.raises(MemoryLimitError) as caught:
+    with pytest.raises(FileMemoryError) as caught:
         rt.load(path, max_memory=allowed)
     assert isinstance(caught.value, rt.FileError)  # as what a file lacks
     assert isinstance(caught.value, rt.OptionError)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.errors import FileError, MemoryLimitError, SceneError
+from raytrace.errors import FileError, FileMemoryError, SceneError
 from raytrace.limits import MAX_TRIANGLES
 from raytrace.memory import Allowance, Joining
 from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Lights, Materials, Mesh, RawMesh, Scene, Settings
@@ -115,7 +115,7 @@ class _TooLargeError(FileError):
     """A scene that no cure of one mesh makes small enough."""
 
 
-class _TooMuchMemoryError(_TooLargeError, MemoryLimitError):
+class _TooMuchMemoryError(_TooLargeError, FileMemoryError):
     """The same, for lack of memory."""
 
 

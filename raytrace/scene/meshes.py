@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytrace.errors import FileError, MemoryLimitError, RaytraceError, SceneError, shortened
+from raytrace.errors import FileError, FileMemoryError, RaytraceError, SceneError, shortened
 from raytrace.limits import MAX_MESH, MAX_TRIANGLES
 from raytrace.memory import Allowance, of_reading
 from raytrace.records import RawMesh
@@ -58,7 +58,7 @@ def _read_bytes(path: Path, allowance: Allowance) -> bytes:
 def _afford(path: Path, length: int, words: int | None, allowance: Allowance) -> None:
     """Refuse a file that takes more memory than there is."""
     if lacks := allowance.lacks(of_reading(format_of(path), length, words), "split it or simplify it"):
-        raise MemoryLimitError(f"memory: {path}: {lacks}")
+        raise FileMemoryError(f"memory: {path}: {lacks}")
 
 
 def _other_reader(path: Path, reach: Reach | None, allowance: Allowance) -> Callable[[bytes, float], list[RawMesh]]:
@@ -71,7 +71,7 @@ def _refusal(path: Path, error: ValueError, allowance: Allowance) -> SceneError 
     """Word why a file that may be sound is refused."""
     if isinstance(error, TooManyTrianglesError):
         if lacks := allowance.lacks(PLACED * error.load, "simplify it, or place it less often"):
-            return MemoryLimitError(f"memory: {path}: {error}, which {lacks}")
+            return FileMemoryError(f"memory: {path}: {error}, which {lacks}")
         return FileError(f"{path}: {error}; at most {MAX_TRIANGLES:,}")
     text = f"{path}: {shortened(' '.join(str(error).split()), MAX_REASON)}"
     return FileError(text) if isinstance(error, TooLargeError) else SceneError([text])
@@ -141,7 +141,7 @@ def read_mesh(path: Path, allowance: Allowance | None = None, reach: Reach | Non
     except ObjError as error:
         raise SceneError([f"{path}:{error.line}: {error}"]) from None
     except MemoryError:  # less than seemed free
-        raise MemoryLimitError(f"memory: {path}: there is not enough to read it; split it or simplify it") from None
+        raise FileMemoryError(f"memory: {path}: there is not enough to read it; split it or simplify it") from None
     except (TooLargeError, UnsupportedError) as error:
         raise _refusal(path, error, allowance) from None
     except (ValueError, OverflowError, RecursionError) as error:

@@ -5,6 +5,7 @@ trimesh is imported only here, when such a file is read. It gets the content of 
 
 import io
 import os
+import re
 import stat
 import warnings
 import zipfile
@@ -15,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.errors import FileError, MemoryLimitError, SceneError, printable, shortened
+from raytrace.errors import FileError, FileMemoryError, SceneError, printable, shortened
 from raytrace.limits import MAX_MESH
 from raytrace.memory import READING, READING_OTHER, Allowance
 from raytrace.records import RawMesh
@@ -36,6 +37,8 @@ PACKAGES = {  # format -> what trimesh needs to read it
     ".step": "cascadio",
 }
 DECLARATIONS = b"<!doctype", b"<!entity"  # of XML, which can unfold to anything, and name other files
+XML, TEXTS = (".dae", ".xaml"), (".dae", ".xml", ".model", ".3drep", ".3dxml")  # files, and entries of archives
+FANS = "its polygons of more than 3 corners became fans; concave ones are wrong: export triangles"
 CURE = "split it or simplify it"
 
 
@@ -72,7 +75,7 @@ def _buffer(path: Path, uri: str, reach: Reach, allowance: Allowance) -> bytes:
             if status.st_size > MAX_MESH:
                 raise FileError(f"{path}: {found}: more than {MAX_MESH} bytes; {CURE}")
             if lacks := allowance.lacks(READING[".glb"] * status.st_size, CURE):
-                raise MemoryLimitError(f"memory: {path}: {found}: {lacks}")
+                raise FileMemoryError(f"memory: {path}: {found}: {lacks}")
             allowance.left -= status.st_size
             return file.read(status.st_size)
     except FileError:
@@ -91,9 +94,9 @@ def _buffer(path: Path, uri: str, reach: Reach, allowance: Allowance) -> bytes:
 def _by_trimesh(path: Path, data: bytes, most: float, allowance: Allowance) -> list[RawMesh]:
     """Triangles of a file, each where the file's scene puts it; without vertex normals."""
     kind = format_of(path)
-    _check_archive(path, data, allowance)
-    if kind in (".dae", ".xaml"):
-        _refuse_declarations(data)
+    texts = _entries(path, data, allowance) if data[:2] == b"PK" else [data] if kind in XML else []
+    for text in texts:
+        _refuse_declarations(text)
     scene = _load(path, data, kind)
     placed = [scene.graph[node] for node in scene.graph.nodes_geometry]
     meshes = [(matrix, scene.geometry[name]) for matrix, name in placed if hasattr(scene.geometry[name], "faces")]
@@ -105,7 +108,20 @@ def _by_trimesh(path: Path, data: bytes, most: float, allowance: Allowance) -> l
         vertices, faces = np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int64)
         raw = RawMesh(vertices.reshape(-1, 3), faces.reshape(-1, 3), None, None)
         parts.append(transform(raw, np.asarray(matrix)[:3, :3], np.asarray(matrix)[:3, 3]))
-    return parts
+    fans = any(map(_has_polygons, texts)) or (kind == ".off" and triangles > _off_faces(data))
+    return [parts[0]._replace(warnings=(FANS,)), *parts[1:]] if parts and fans else parts
+
+
+def _has_polygons(text: bytes) -> bool:
+    """Whether a COLLADA text has polygons of more than three corners."""
+    counts = {word for match in re.finditer(rb"<vcount>([^<]*)</vcount>", text) for word in match[1].split()}
+    return b"<polygons" in text or bool(counts - {b"3"})
+
+
+def _off_faces(data: bytes) -> int:
+    """Number of polygons that an OFF file announces."""
+    match = re.search(rb"OFF(?:\s|#[^\n]*\n)*\d+\s+(\d+)", data)
+    return int(match[1]) if match else 0
 
 
 def _load(path: Path, data: bytes, kind: str) -> Any:
@@ -141,26 +157,18 @@ class _Nothing(dict[str, bytes]):
         return self
 
 
-def _check_archive(path: Path, data: bytes, allowance: Allowance) -> None:
-    """Refuse a ZIP archive, as some formats are, that unfolds to too much."""
-    if data[:2] != b"PK":
-        return
+def _entries(path: Path, data: bytes, allowance: Allowance) -> list[bytes]:
+    """Return the XML texts of a ZIP archive, as some formats are; refuse one that unfolds to too much."""
     try:
         archive = zipfile.ZipFile(io.BytesIO(data))
-        _check_entries(path, archive, allowance)
+        size = sum(entry.file_size for entry in archive.infolist())
+        if size > MAX_MESH:
+            raise TooLargeError(f"it unfolds to {size:,} bytes; at most {MAX_MESH:,}")
+        if lacks := allowance.lacks(READING_OTHER * size, CURE):
+            raise FileMemoryError(f"memory: {path}: {lacks}")
+        return [archive.read(entry) for entry in archive.infolist() if entry.filename.lower().endswith(TEXTS)]
     except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, zlib.error) as error:
         raise ValueError(f"a broken archive, or one with a password: {error}") from error
-
-
-def _check_entries(path: Path, archive: zipfile.ZipFile, allowance: Allowance) -> None:
-    size = sum(entry.file_size for entry in archive.infolist())
-    if size > MAX_MESH:
-        raise TooLargeError(f"it unfolds to {size:,} bytes; at most {MAX_MESH:,}")
-    if lacks := allowance.lacks(READING_OTHER * size, CURE):
-        raise MemoryLimitError(f"memory: {path}: {lacks}")
-    for entry in archive.infolist():
-        if entry.filename.lower().endswith((".dae", ".xml", ".model")):
-            _refuse_declarations(archive.read(entry))
 
 
 def _refuse_declarations(text: bytes) -> None:

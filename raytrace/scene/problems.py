@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
-from raytrace.errors import FileError, MemoryLimitError, SceneError, printable, shortened
+from raytrace.errors import FileError, FileMemoryError, SceneError, printable, shortened
 from raytrace.scene.positions import Path
 
 MOST = 100  # problems that are told of one scene
@@ -25,7 +25,7 @@ class Problem(NamedTuple):
 
 def mesh_problem(index: int, error: SceneError | FileError) -> Problem:
     """What is wrong with the mesh file of an object."""
-    memory = isinstance(error, MemoryLimitError)
+    memory = isinstance(error, FileMemoryError)
     return Problem(("objects", index, "mesh"), str(error), unreadable=isinstance(error, FileError), lacks_memory=memory)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
-from raytrace.errors import FileError, MemoryLimitError, SceneError, printable, shortened
+from raytrace.errors import FileError, FileMemoryError, SceneError, printable, shortened
 from raytrace.limits import MAX_SCENE
 from raytrace.scene import positions
 from raytrace.scene.given import take_meshes
@@ -90,7 +90,7 @@ class Text:
         if len(problems) > MOST:
             lines.append(f"{self.name}: and more: these are the first {MOST}")
         if all(problem.lacks_memory for problem in problems):
-            return MemoryLimitError("\n".join(lines))
+            return FileMemoryError("\n".join(lines))
         if all(problem.unreadable for problem in problems):
             return FileError("\n".join(lines))
         return SceneError(lines)
