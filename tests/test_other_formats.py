@@ -104,12 +104,13 @@ def test_a_scene_of_an_off_file_and_of_a_packed_one(tmp_path):
         (OFF.replace("1 1 0", "1 x 0"), "trimesh can't read it: ValueError: could not convert string to float"),
         (OFF.replace("1 1 0", "1 nan 0"), "vertex row 2 is not finite"),
         ("OFF\n1 0 0\n0 0 0\n", "no triangles in it"),
+        ("OFF\n\xff\xff", "no complete OFF file: trimesh can't read it: ValueError"),
         (f"OFF\n{10**18} 1 0\n", "no complete OFF file: trimesh can't read it"),
     ],
 )
 def test_a_broken_file_is_one_line_with_its_name(tmp_path, content, told):
     path = tmp_path / "a.off"
-    path.write_text(content)
+    path.write_text(content, "latin-1")
     with pytest.raises(rt.SceneError) as caught:
         read_mesh(path)
     assert str(caught.value).startswith(f"{path}: ")

@@ -128,6 +128,8 @@ def _load(path: Path, data: bytes, kind: str) -> Any:
     """The ``trimesh.Scene`` of a file."""
     import trimesh
 
+    if kind == ".off" and not _is_utf8(data):  # trimesh would guess the encoding; only comments can need one
+        data = data.decode("latin-1").encode()
     try:
         with warnings.catch_warnings(action="ignore"):
             return trimesh.load_scene(
@@ -136,13 +138,20 @@ def _load(path: Path, data: bytes, kind: str) -> Any:
     except MemoryError:
         raise
     except ImportError as error:
-        if kind not in PACKAGES:
-            raise
-        text = f"to read {kind} files, trimesh needs further packages: pip install {PACKAGES[kind]} ({error})"
+        packages = PACKAGES.get(kind, error.name)
+        text = f"to read {kind} files, trimesh needs further packages: pip install {packages} ({error})"
         raise FileError(f"{path}: {text}") from None
     except Exception as error:  # its readers check little, and raise whatever comes
         text = " ".join(str(error).split())
         raise ValueError(f"trimesh can't read it: {type(error).__name__}{text and ': '}{text}") from error
+
+
+def _is_utf8(data: bytes) -> bool:
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 class _Nothing(dict[str, bytes]):
