@@ -125,6 +125,8 @@ def _compare(args: Namespace) -> int:
 
     try:
         measured = raytrace.compare(args.image, args.reference)
+    except RaytraceError:
+        raise
     except ValueError as error:  # of different size
         _say(f"{args.image}, {args.reference}: {error}")
         return DIFFERENT
@@ -275,6 +277,9 @@ def main(argv: list[str] | None = None) -> int:
     except RaytraceError as error:
         _say(str(error))
         return error.exit_code
+    except MemoryError:  # less than was estimated to be free
+        _say("memory: there is not enough; take a smaller film by --size, smaller meshes, or fewer --threads")
+        return USAGE
     except ArgumentError as error:
         _say(f"raytrace: error: {error}")
         return USAGE

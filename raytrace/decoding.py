@@ -20,6 +20,10 @@ class RefusedError(ValueError):
     """An image that there is no room for, or that is none of those that can be read."""
 
 
+class NoMemoryError(RefusedError):
+    """A picture that there is not enough memory for."""
+
+
 def content(path: Path) -> bytes:
     """Content of an image file, if it is a regular file and not too large."""
     with open_regular(path, "an image") as stream:
@@ -36,7 +40,7 @@ def afford(pixels: int, each: float) -> None:
     if pixels > MAX_PIXELS:
         raise RefusedError(f"it has {pixels:,} pixels; at most {MAX_PIXELS:,}")
     if lacks := Allowance().lacks(pixels * each, "scale it down"):
-        raise RefusedError(lacks.partition(", or ")[0])
+        raise NoMemoryError(lacks.partition(", or ")[0])
 
 
 def from_texts(texts: Mapping[Any, Any]) -> dict[str, Any]:

@@ -37,6 +37,14 @@ class OptionError(RaytraceError, ValueError):
     exit_code = 2
 
 
+class MemoryLimitError(OptionError):
+    """More memory than there is: ``memory: what takes how much, and what to change``."""
+
+
+class FileMemoryError(MemoryLimitError, FileError):
+    """A file that takes more memory to read than there is. It has the exit code of every lack of memory."""
+
+
 def shortened(text: str, most: int = 60) -> str:
     """Cut a text that is long.
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace import png
-from raytrace.errors import FileError, printable, shortened
+from raytrace.errors import FileError, FileMemoryError, printable, shortened
 from raytrace.paths import check_path, suffix_of
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # (3,) f8: Y of linear Rec. 709 and sRGB primaries   [ITU-R BT.709-6]
@@ -164,16 +164,20 @@ def load(path: str | os.PathLike[str]) -> Picture:
         data = decoding.content(path)
     except FileError:
         raise
+    except decoding.NoMemoryError as error:
+        raise FileMemoryError(f"memory: {name}: {error}") from None
     except OSError as error:
         raise FileError(f"{name}: can't be read: {error.strerror or error}") from error
     except decoding.RefusedError as error:
         raise FileError(f"{name}: {error}") from None
     try:
         arrays, provenance = read(data)
+    except decoding.NoMemoryError as error:
+        raise FileMemoryError(f"memory: {name}: {error}") from None
     except decoding.RefusedError as error:
         raise FileError(f"{name}: {error}") from None
     except MemoryError as error:
-        raise FileError(f"{name}: takes more memory than there is; scale it down") from error
+        raise FileMemoryError(f"memory: {name}: takes more memory than there is; scale it down") from error
     except Exception as error:  # libraries raise errors of all kinds for a broken file
         reason = shortened(printable(str(error).partition("\n")[0] or type(error).__name__), MAX_REASON)
         raise FileError(f"{name}: not a whole {suffix[1:].upper()} image: {reason}") from error

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from raytrace.errors import OptionError
+from raytrace.errors import MemoryLimitError
 
 PROC, CGROUPS = Path("/proc"), Path("/sys/fs/cgroup")
 # where a group of processes says what it may take, and takes: version 2, version 1   [cgroups]
@@ -19,6 +19,7 @@ GROUPS = (
 )
 
 READING = {".obj": 3, ".ply": 7, ".stl": 3, ".glb": 6}  # bytes to read a byte of a file
+READING_OTHER = 20  # of every other format, unpacked
 TEXT = {".obj": (3, 85), ".ply": (3, 57), ".stl": (3, 52)}  # and a byte of a text, and a word of it
 CORNERS, VERTEX = 24, 24  # of three indices, and of a point
 JOINED, SMOOTH = 36, 72  # of a triangle in a scene, and of its shading normals
@@ -132,7 +133,7 @@ def size(number: float) -> str:
 def of_reading(kind: str, length: int, words: int | None = None) -> float:
     """Bytes to read a mesh file of so many bytes; a text of so many words; None: not known yet, at least."""
     if words is None:
-        return READING[kind] * length
+        return READING.get(kind, READING_OTHER) * length
     each, word = TEXT[kind]
     return each * length + word * words
 
@@ -208,7 +209,7 @@ def check_drawing(drawing: Drawing, trees: Trees, max_memory: int | None) -> Non
 
     Raises
     ------
-    OptionError
+    MemoryLimitError
         What to lower.
     """
     building, film = trees.building(), drawing.film()
@@ -219,7 +220,7 @@ def check_drawing(drawing: Drawing, trees: Trees, max_memory: int | None) -> Non
     }
     if lacks := Allowance(max_memory).lacks(drawing.total(trees), max(cures, key=cures.__getitem__)):
         parts = f"{size(film)} for {drawing.pixels:,} pixels, {size(building)} for {trees.triangles:,} triangles"
-        raise OptionError(f"memory: the picture, with {parts}, {lacks}")
+        raise MemoryLimitError(f"memory: the picture, with {parts}, {lacks}")
 
 
 def check_tree(triangles: int, width: int) -> None:
@@ -227,8 +228,10 @@ def check_tree(triangles: int, width: int) -> None:
 
     Raises
     ------
-    OptionError
+    MemoryLimitError
         What to change in the scene.
     """
     if lacks := Allowance().lacks(BUILDING[width] * triangles, "move lights off the surfaces that they lie on"):
-        raise OptionError(f"memory: one more tree, for a light that lies on a surface, {lacks.partition(', or ')[0]}")
+        raise MemoryLimitError(
+            f"memory: one more tree, for a light that lies on a surface, {lacks.partition(', or ')[0]}"
+        )

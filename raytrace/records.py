@@ -44,6 +44,12 @@ class RawMesh(NamedTuple):
     faces: NDArray[np.int64]  # (m, 3) i8: rows of vertices, counter-clockwise seen from the front
     normals: NDArray[np.float64] | None  # (n, 3) f8, any length: the file's normals; None: it has none
     normal_faces: NDArray[np.int64] | None  # (m, 3) i8: row of normals of each corner, -1: none
+    warnings: tuple[str, ...] = ()  # what the file has that is probably not what it looks like here
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of its arrays."""
+        return sum(array.nbytes for array in self[:4] if array is not None)
 
 
 class Mesh(NamedTuple):

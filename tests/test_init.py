@@ -82,7 +82,7 @@ def test_functions_take_what_scripts_pass_them():
     names = [name for name, _ in parameters(rt.render)]
     assert names[:6] == ["scene", "spp", "size", "seed", "precision", "sampler"]
     assert {"threads", "progress"} <= set(names)
-    box = [("vertices",), ("faces",), ("precision", "float32"), ("split", "sah"), ("triangle", "watertight")]
+    box = [("vertices",), ("faces", None), ("precision", "float32"), ("split", "sah"), ("triangle", "watertight")]
     assert [
         (name, *(() if default is inspect.Parameter.empty else (default,))) for name, default in parameters(rt.BVH)
     ] == box

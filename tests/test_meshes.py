@@ -186,7 +186,7 @@ def test_broken_obj_names_the_line(tmp_path, text, told):
         ("a.glb", b"x" * 100, ": no complete GLB file: "),
         ("a.obj.gz", b"no gzip", ": broken or truncated gzip file: Not a gzipped file"),
         ("a.obj.gz", gzip.compress(TRIANGLE.encode())[:-9], ": broken or truncated gzip file: "),
-        ("a.fbx", "", ": no mesh format that can be read (known: .obj, .ply, .stl, .glb, plain or with .gz)"),
+        ("a.fbx", "", ": no mesh format that can be read (known: .obj, .ply, .stl, .glb, .gltf, .off, .3mf, "),
         ("a", "", ": no mesh format that can be read"),
         (".gz", "", ": no mesh format that can be read"),
     ],

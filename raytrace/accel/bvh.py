@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 from raytrace.accel import reorder
 from raytrace.accel.build import LEAVES, build
 from raytrace.accel.bundle import BUNDLE
-from raytrace.accel.door import check_faces, check_rays, check_vertices, one_of, rays_of
+from raytrace.accel.door import MeshLike, check_faces, check_rays, check_vertices, mesh_arrays, one_of, rays_of
 from raytrace.accel.grow import SPLITS
 from raytrace.accel.health import TreeStats, tree_problems, tree_stats
 from raytrace.accel.kinds import ROWS
@@ -24,6 +24,7 @@ class BVH:
     Parameters
     ----------
     vertices : (v, 3) array_like of float, world units
+        Or a mesh: any object with ``vertices`` and ``faces``, such as a ``trimesh.Trimesh``; then leave out ``faces``.
     faces : (m, 3) array_like of int
         Rows of ``vertices``, counter-clockwise seen from the front.
     precision : {"float32", "float64"}
@@ -62,8 +63,8 @@ class BVH:
 
     def __init__(
         self,
-        vertices: ArrayLike,
-        faces: ArrayLike,
+        vertices: ArrayLike | MeshLike,
+        faces: ArrayLike | None = None,
         precision: str = "float32",
         split: str = "sah",
         triangle: str = "watertight",
@@ -72,8 +73,9 @@ class BVH:
         one_of("split", split, SPLITS)
         one_of("triangle", triangle, LEAVES)
         self.precision, self.split, self.triangle = precision, split, triangle
-        self.vertices = check_vertices(vertices, np.dtype(precision))
-        self.faces = check_faces(faces, len(self.vertices))
+        points, corners = mesh_arrays(vertices, faces)
+        self.vertices = check_vertices(points, np.dtype(precision))
+        self.faces = check_faces(corners, len(self.vertices))
         self.tree, self.triangles, self.levels = build(self.vertices, self.faces, split, triangle)
         self.grid = reorder.make_grid(self.tree)
 

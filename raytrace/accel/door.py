@@ -1,7 +1,7 @@
 """What users hand to ``BVH``: checked, and turned into what kernels read."""
 
 from collections.abc import Collection
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,6 +43,26 @@ def _rows(name: str, array: NDArray[Any]) -> NDArray[Any]:
 
 
 # --- meshes ----------------------------------------------------------------------------------------------------------
+
+
+class MeshLike(Protocol):
+    """Any object that has both arrays of a mesh, such as a ``trimesh.Trimesh``."""
+
+    vertices: ArrayLike  # (v, 3)
+    faces: ArrayLike  # (m, 3)
+
+
+def mesh_arrays(vertices: ArrayLike | MeshLike, faces: ArrayLike | None) -> tuple[ArrayLike, ArrayLike]:
+    """Vertices and faces, given as two arrays or as one mesh that has both."""
+    has_both = hasattr(vertices, "vertices") and hasattr(vertices, "faces")
+    if faces is not None:
+        if has_both:
+            raise ValueError("faces: the first argument is a mesh, which has its own; leave them out")
+        return vertices, faces
+    if not has_both:
+        kind = type(vertices).__name__
+        raise ValueError(f"faces: missing; pass vertices and faces, or one mesh that has both, got a {kind} alone")
+    return vertices.vertices, vertices.faces
 
 
 def check_vertices(value: ArrayLike, dtype: np.dtype) -> NDArray[np.floating]:

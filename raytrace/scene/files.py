@@ -10,7 +10,8 @@ from raytrace.errors import FileError, SceneError, printable, shortened
 from raytrace.limits import MAX_MESH
 from raytrace.scene.problems import no_such_file
 
-FORMATS = ".obj", ".ply", ".stl", ".glb"
+FORMATS = ".obj", ".ply", ".stl", ".glb", ".gltf"  # by readers of our own
+OTHERS = ".off", ".3mf", ".dae", ".zae", ".xaml", ".3dxml", ".ctm", ".stp", ".step"  # by trimesh's
 URI = re.compile(r"(?i)(file|data):|[a-z][a-z0-9+.-]+:/")  # a scheme of one letter is a drive   [RFC3986, 3.1]
 ALLOW = "move it there, or allow a folder: --root DIR, in Python load(..., root=DIR)"
 
@@ -31,9 +32,27 @@ class Reach(NamedTuple):
         SceneError
             The scene may not read it.
         """
-        path, name = self.folder / mesh, shortened(mesh, 200)
+        path = self.folder / mesh
         if mesh in self.trusted or "\0" in mesh:  # no file has a name with a zero byte: it is not found
             return path
+        return self._checked(path, mesh)
+
+    def around(self, mesh: str) -> "Reach":
+        """Where files may lie that a mesh file names: for one that a program gave as a path, below its own folder too.
+
+        Parameters
+        ----------
+        mesh : str
+            As the scene names it.
+        """
+        return self._replace(folder=(self.folder / mesh).parent) if mesh in self.trusted else self
+
+    def beside(self, mesh: Path, name: str) -> Path:
+        """Path of a file that a mesh file names, relative to itself; the rules are those of ``find``."""
+        return self._checked(mesh.parent / name, name)
+
+    def _checked(self, path: Path, mesh: str) -> Path:
+        name = shortened(mesh, 200)
         if URI.match(mesh):
             raise SceneError([f"{name}: a URI; name a file: nothing is fetched"])
         # names with a drive or a share are refused wherever they are read, not only where they lead somewhere
@@ -86,8 +105,8 @@ def locate(path: Path) -> None:
         raise
     except OSError as error:
         raise FileError(f"{path}: can't be read: {error.strerror or error}") from None
-    if format_of(path) not in FORMATS:
-        known = ", ".join(FORMATS)
+    if format_of(path) not in FORMATS + OTHERS:
+        known = ", ".join(FORMATS + OTHERS)
         raise SceneError([f"{path}: no mesh format that can be read (known: {known}, plain or with .gz)"])
     if path.stat().st_size > MAX_MESH:
         raise FileError(f"{path}: more than {MAX_MESH} bytes; split it or simplify it")

@@ -1,40 +1,32 @@
-"""Binary glTF files to arrays   [glTF].
+"""glTF files to arrays, binary (GLB) and as text   [glTF].
 
 An own reader, because a file may announce what it does not hold: each count is compared with the bytes that are there
-before anything is made of it, nodes must be a tree, and no other file is read. Materials, textures, skins, animations,
-lines and points are passed over.
+before anything is made of it, nodes must be a tree, and other files are read by ``other`` only. Meshes stand as the
+file poses them: nodes, instances, morph targets and skins. Materials, animations, lines and points are skipped.
 """
 
-import base64
-import binascii
 import json
-from collections.abc import Iterator
+from collections.abc import Callable
 from itertools import islice
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.limits import MAX_TRIANGLES
 from raytrace.records import RawMesh
-from raytrace.scene.rawmesh import Matrix, transform
+from raytrace.scene.glb_accessors import BYTE, FLOAT, INDEX, SHORT, UBYTE, USHORT, Accessors
+from raytrace.scene.glb_deform import Skins, distinct, morph
+from raytrace.scene.glb_extensions import DRACO, check_extensions
+from raytrace.scene.glb_json import Record, extension, record_in
+from raytrace.scene.glb_nodes import MAX_PARTS, Part, parts
+from raytrace.scene.mesh_errors import TooLargeError, TooManyTrianglesError, UnsupportedError
+from raytrace.scene.rawmesh import transform
 
-HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_punctual")  # extensions: no shape in them
 MAGIC, JSON, BIN = b"glTF", b"JSON", b"BIN\0"
 MAX_JSON = 2**24  # bytes of the JSON chunk: it takes 30 times as much memory
-MAX_PARTS = 2**16  # of meshes, each as often as nodes place it: a few seconds
 TRIANGLES, STRIP, FAN = 4, 5, 6
-INDEX = {5121: "<u1", 5123: "<u2", 5125: "<u4"}
-FLOAT = {5126: "<f4"}
-
-Record = dict[str, Any]
-
-
-class Instance(NamedTuple):
-    """A part of a mesh where a node puts it."""
-
-    primitive: Record
-    matrix: Matrix  # (4, 4), applied to columns
+SPARE = 64  # vertices that a part may leave unused; more are dropped
+POSITIONS, NORMALS = (FLOAT, BYTE, UBYTE, SHORT, USHORT), (FLOAT, BYTE, SHORT)  # with KHR_mesh_quantization
 
 
 def read_glb(data: bytes, most: float = MAX_TRIANGLES) -> list[RawMesh]:
@@ -46,6 +38,11 @@ def read_glb(data: bytes, most: float = MAX_TRIANGLES) -> list[RawMesh]:
         The file's content.
     most : float
         Triangles that it may have: nodes may place a mesh any number of times.
+
+    Returns
+    -------
+    list of RawMesh
+        The first has the warnings.
 
     Raises
     ------
@@ -59,21 +56,13 @@ def read_glb(data: bytes, most: float = MAX_TRIANGLES) -> list[RawMesh]:
     ValueError: the header announces 0 bytes, the file has 4
     """
     document, chunk = _chunks(data)
-    unknown = [name for name in _list(document, "extensionsRequired") if not str(name).startswith(HARMLESS)]
-    if unknown:
-        names = ", ".join(map(str, unknown[:5]))
-        raise ValueError(f"it needs extensions that are not supported: {names}; export it without them")
-    file, parts, count = _File(document, chunk), list[RawMesh](), 0
-    instances = list(islice(_instances(document), MAX_PARTS + 1))
-    if len(instances) > MAX_PARTS:
-        raise ValueError(f"its nodes place more than {MAX_PARTS} parts of meshes; join some")
-    for primitive, matrix in instances:
-        if (mesh := file.mesh(primitive)) is not None:
-            count += len(mesh.faces)
-            if count > most:
-                raise ValueError(f"its nodes place more than {int(most):,} triangles, too many for limits or memory")
-            parts.append(transform(mesh, matrix[:3, :3], matrix[:3, 3]))
-    return parts
+    return _read(document, Accessors(document, chunk), most)
+
+
+def read_gltf(data: bytes, most: float, other: Callable[[str], bytes]) -> list[RawMesh]:
+    """Read a glTF file of text, as ``read_glb`` does; ``other`` reads the files that its buffers name by their URIs."""
+    document = _document(data)
+    return _read(document, Accessors(document, memoryview(b""), other), most)
 
 
 def _chunks(data: bytes) -> tuple[Record, memoryview]:
@@ -92,180 +81,92 @@ def _chunks(data: bytes) -> tuple[Record, memoryview]:
         at = end
     text = chunks.get(JSON, memoryview(b""))
     if len(text) > MAX_JSON:
-        raise ValueError(f"its JSON has more than {MAX_JSON} bytes")
-    document = json.loads(bytes(text))
+        raise TooLargeError(f"its JSON has more than {MAX_JSON} bytes")
+    return _document(bytes(text).rstrip(b"\0 ")), chunks.get(BIN, memoryview(b""))  # some writers pad with zero bytes
+
+
+def _document(text: bytes) -> Record:
+    document = json.loads(text)
     if not isinstance(document, dict):
         raise ValueError("its JSON is no object")
-    return document, chunks.get(BIN, memoryview(b""))
+    return document
 
 
-# ---- the JSON, of which nothing is believed ------------------------------------------------------------------------
+def _read(document: Record, accessors: Accessors, most: float) -> list[RawMesh]:
+    """Triangles of all parts; they are counted before any is made."""
+    notes = dict.fromkeys(check_extensions(document))
+    placed = list(islice(parts(document, accessors, notes), MAX_PARTS + 1))
+    if len(placed) > MAX_PARTS:
+        raise TooLargeError(f"its nodes place more than {MAX_PARTS} parts of meshes; join some")
+    sizes = {id(part.primitive): _size(part.primitive, accessors) for part in placed}
+    drawn = [part for part in placed if sizes[id(part.primitive)][0]]
+    counts = [sizes[id(part.primitive)] for part in drawn]
+    load = sum(max(triangles, vertices / 2) for triangles, vertices in counts)
+    if load > most:
+        raise TooManyTrianglesError(sum(triangles for triangles, _ in counts), load)
+    skins = Skins(document, accessors, notes)
+    meshes = [_mesh(part, accessors, skins, notes) for part in drawn]
+    if meshes and notes:
+        meshes[0] = meshes[0]._replace(warnings=tuple(notes))
+    return meshes
 
 
-def _list(record: Record, key: str) -> list[Any]:
-    value = record.get(key, [])
-    if not isinstance(value, list):
-        raise ValueError(f"{key}: expected a list")
-    return value
+def _size(primitive: Record, accessors: Accessors) -> tuple[int, int]:
+    """Triangles that a part has, and vertices that they use at most; none for lines, points, and without positions."""
+    mode, attributes = primitive.get("mode", TRIANGLES), record_in(primitive, "attributes")
+    if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
+        return 0, 0
+    vertices = accessors.count(attributes["POSITION"])
+    corners = accessors.count(primitive["indices"]) if "indices" in primitive else vertices
+    if mode == TRIANGLES and corners % 3:
+        raise ValueError(f"{corners} corners are no triangles")
+    triangles = corners // 3 if mode == TRIANGLES else max(corners - 2, 0)
+    return triangles, min(vertices, 3 * triangles + SPARE)
 
 
-def _item(document: Record, name: str, index: Any) -> Record:
-    items = _list(document, name)
-    if type(index) is not int or not 0 <= index < len(items):
-        raise ValueError(f"{name}[{str(index)[:40]}] does not exist")
-    if not isinstance(items[index], dict):
-        raise ValueError(f"{name}[{index}]: expected an object")
-    return items[index]
+def _mesh(part: Part, accessors: Accessors, skins: Skins, notes: dict[str, None]) -> RawMesh:
+    """Triangles of a part, posed and in place."""
+    primitive, attributes = part.primitive, record_in(part.primitive, "attributes")
+    _refuse_draco(primitive, attributes, accessors)
+    count = accessors.count(attributes["POSITION"])
+    if "indices" in primitive:
+        corners = accessors.rows(primitive["indices"], "SCALAR", INDEX)[:, 0].astype(np.int64)
+    else:
+        corners = np.arange(count)
+    faces, rows = _faces(primitive.get("mode", TRIANGLES), corners), None
+    if (last := int(faces.max())) >= count:
+        raise ValueError(f"a triangle has vertex {last}, but there are {count}, counted from 0")
+    if count > 3 * len(faces) + SPARE:  # the others belong to other parts
+        rows = distinct(faces)
+        faces = np.searchsorted(rows, faces)
+    vertices = accessors.floats(attributes["POSITION"], "VEC3", POSITIONS, rows)
+    vertices = morph(vertices, "POSITION", primitive, part.weights, accessors, rows)
+    mesh = RawMesh(vertices, faces, None, None)
+    if "NORMAL" in attributes:
+        if accessors.count(attributes["NORMAL"]) != count:
+            raise ValueError(f"{count} vertices have {accessors.count(attributes['NORMAL'])} normals")
+        normals = accessors.floats(attributes["NORMAL"], "VEC3", NORMALS, rows)
+        normals = morph(normals, "NORMAL", primitive, part.weights, accessors, rows)
+        mesh = mesh._replace(normals=normals, normal_faces=faces)
+    if part.skin is not None and attributes.keys() >= {"JOINTS_0", "WEIGHTS_0"}:
+        return skins.apply(mesh, attributes, part.skin, rows)
+    if part.skin is not None:
+        notes["a mesh with a skin has no joints and weights; it stands where its node puts it"] = None
+    return transform(mesh, part.matrix[:3, :3], part.matrix[:3, 3])
 
 
-def _whole(record: Record, key: str, default: int | None = None) -> int:
-    value = record.get(key, default)
-    if type(value) is not int or not 0 <= value < 2**53:
-        raise ValueError(f"{key}: expected a whole number, got {str(value)[:40]}")
-    return value
-
-
-def _numbers(record: Record, key: str, default: list[float]) -> Matrix:
-    value = record.get(key, default)
-    if not isinstance(value, list) or len(value) != len(default) or not all(type(x) in (int, float) for x in value):
-        raise ValueError(f"{key}: expected {len(default)} numbers")
-    return np.array(value, np.float64)
-
-
-# ---- nodes ---------------------------------------------------------------------------------------------------------
-
-
-def _matrix(node: Record) -> Matrix:
-    """Transform of a node: its matrix, column after column, or translation, rotation and scale."""
-    if "matrix" in node:
-        return _numbers(node, "matrix", [0.0] * 16).reshape(4, 4).T
-    matrix = np.eye(4)
-    x, y, z, w = _numbers(node, "rotation", [0.0, 0.0, 0.0, 1.0])
-    square = x * x + y * y + z * z + w * w
-    if not 0 < square < np.inf:
-        raise ValueError("rotation: expected a quaternion other than 0")
-    s = 2.0 / square
-    rotation = [
-        [1 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)],
-        [s * (x * y + w * z), 1 - s * (x * x + z * z), s * (y * z - w * x)],
-        [s * (x * z - w * y), s * (y * z + w * x), 1 - s * (x * x + y * y)],
-    ]
-    matrix[:3, :3] = np.array(rotation) * _numbers(node, "scale", [1.0, 1.0, 1.0])
-    matrix[:3, 3] = _numbers(node, "translation", [0.0, 0.0, 0.0])
-    return matrix
-
-
-def _placed(above: Matrix, node: Record) -> Matrix:
-    """Product of the transforms of what is above a node, and its own; written out, as in ``transform``."""
-    if not node.keys() & {"matrix", "rotation", "scale", "translation"}:
-        return above
-    m = _matrix(node)
-    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is found later
-        return above[:, :1] * m[0] + above[:, 1:2] * m[1] + above[:, 2:3] * m[2] + above[:, 3:] * m[3]
-
-
-def _instances(document: Record) -> Iterator[Instance]:
-    """Parts of meshes of all nodes of the scene."""
-    scene = _item(document, "scenes", document.get("scene", 0)) if document.get("scenes") else {}
-    waiting = [(node, np.eye(4)) for node in _list(scene, "nodes")]
-    met = set()
-    while waiting:
-        index, above = waiting.pop()
-        node = _item(document, "nodes", index)
-        if index in met:
-            raise ValueError(f"nodes[{index}] stands in the scene twice; nodes must be a tree")
-        met.add(index)
-        matrix = _placed(above, node)
-        if "mesh" in node:
-            for primitive in _list(_item(document, "meshes", node["mesh"]), "primitives"):
-                yield Instance(primitive, matrix)
-        waiting += [(child, matrix) for child in _list(node, "children")]
-
-
-# ---- numbers -------------------------------------------------------------------------------------------------------
-
-
-class _File:
-    """The buffers of a file, and what accessors make of them."""
-
-    def __init__(self, document: Record, chunk: memoryview) -> None:
-        self._document, self._chunk = document, chunk
-        self._decoded: dict[int, memoryview] = {}
-
-    def mesh(self, primitive: Any) -> RawMesh | None:
-        """Triangles of a part of a mesh; None for lines and points."""
-        if not isinstance(primitive, dict):
-            raise ValueError("primitives: expected objects")
-        mode, attributes = primitive.get("mode", TRIANGLES), primitive.get("attributes")
-        if mode not in (TRIANGLES, STRIP, FAN):
-            return None
-        if not isinstance(attributes, dict) or "POSITION" not in attributes:
-            raise ValueError("a primitive has no POSITION")
-        vertices = self._rows(attributes["POSITION"], FLOAT, 3).astype(np.float64)
-        if "indices" in primitive:
-            corners = self._rows(primitive["indices"], INDEX, 1)[:, 0].astype(np.int64)
-        else:
-            corners = np.arange(len(vertices))
-        faces = _faces(mode, corners)
-        if not len(faces):
-            return None
-        if "NORMAL" not in attributes:
-            return RawMesh(vertices, faces, None, None)
-        normals = self._rows(attributes["NORMAL"], FLOAT, 3).astype(np.float64)
-        if len(normals) != len(vertices):
-            raise ValueError(f"{len(vertices)} vertices have {len(normals)} normals")
-        return RawMesh(vertices, faces, normals, faces)
-
-    def _rows(self, index: Any, kinds: dict[int, str], width: int) -> NDArray[Any]:
-        """Numbers of an accessor, (n, width), seen in the buffer."""
-        accessor, name = _item(self._document, "accessors", index), f"accessors[{index}]"
-        if "sparse" in accessor or "bufferView" not in accessor:
-            raise ValueError(f"{name} is sparse, which is not supported; export it without")
-        kind = accessor.get("componentType")
-        if type(kind) is not int or kind not in kinds or accessor.get("type") != ("SCALAR" if width == 1 else "VEC3"):
-            raise ValueError(f"{name} does not hold what it is used for")
-        view = _item(self._document, "bufferViews", accessor["bufferView"])
-        data = self._bytes(view)
-        dtype, count, offset = np.dtype(kinds[kind]), _whole(accessor, "count"), _whole(accessor, "byteOffset", 0)
-        row = width * dtype.itemsize
-        stride = _whole(view, "byteStride", row)
-        if stride < row:
-            raise ValueError(f"{name} has rows of {row} bytes every {stride} bytes")
-        if count and offset + (count - 1) * stride + row > len(data):
-            raise ValueError(f"{name} announces {count} rows of {row} bytes, its view has {len(data)} bytes")
-        return np.ndarray((count, width), dtype, data, offset if count else 0, (stride, dtype.itemsize))
-
-    def _bytes(self, view: Record) -> memoryview:
-        index = view.get("buffer", -1)
-        buffer = self._buffer(index, _item(self._document, "buffers", index))
-        offset, length = _whole(view, "byteOffset", 0), _whole(view, "byteLength")
-        if offset + length > len(buffer):
-            raise ValueError(f"a view of {length} bytes from {offset} on leaves its buffer of {len(buffer)} bytes")
-        return buffer[offset : offset + length]
-
-    def _buffer(self, index: int, buffer: Record) -> memoryview:
-        uri = buffer.get("uri")
-        if uri is None:
-            return self._chunk if index == 0 else memoryview(b"")
-        if not str(uri).startswith("data:"):
-            text = "nothing else is opened or fetched; export one file"
-            raise ValueError(f"a buffer in another file, {str(uri)[:200]}; {text}")
-        if index not in self._decoded:
-            try:
-                self._decoded[index] = memoryview(base64.b64decode(str(uri).partition(";base64,")[2], validate=True))
-            except (binascii.Error, ValueError):
-                raise ValueError(f"buffers[{index}]: its data is no base64") from None
-        return self._decoded[index]
+def _refuse_draco(primitive: Record, attributes: Record, accessors: Accessors) -> None:
+    """Refuse a part whose numbers are in a compressed form only."""
+    indices = [primitive["indices"]] if "indices" in primitive else []
+    plain = all(accessors.has_data(index) for index in [attributes["POSITION"], *indices])
+    if extension(primitive, DRACO) is not None and not plain:
+        raise UnsupportedError(f"a mesh is compressed by {DRACO}, which is not supported; export it without")
 
 
 def _faces(mode: int, corners: NDArray[np.int64]) -> NDArray[np.int64]:
     """Triangles (m, 3) of a list, a strip or a fan of corners   [glTF, 3.7.2.1]."""
     if mode == TRIANGLES:
-        if len(corners) % 3:
-            raise ValueError(f"{len(corners)} corners are no triangles")
         return corners.reshape(-1, 3)
-    if len(corners) < 3:
-        return corners[:0].reshape(-1, 3)
     if mode == FAN:
         return np.stack([corners[1:-1], corners[2:], np.full(len(corners) - 2, corners[0])], axis=1)
     faces = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)

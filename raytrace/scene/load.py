@@ -3,6 +3,7 @@
 Neither NumPy nor pydantic is imported before a scene needs it: a mistake is answered at once.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,8 @@ def load(source: str | Path | dict[str, Any], root: str | Path | None = None, ma
     Parameters
     ----------
     source : str, pathlib.Path or dict
-        A scene file, or its content; mesh paths of a dict are relative to the current folder.
+        A scene file, or its content; mesh paths of a dict are relative to the current folder. In a dict a mesh may
+        also be an object with ``vertices`` and ``faces``, such as a ``trimesh.Trimesh``, or a pair of arrays of these.
     root : str or pathlib.Path, optional
         A folder whose files the scene may read too. Without it, it reads files below its own folder (of a dict: the
         current one), and those that a dict names by a ``pathlib.Path``.
@@ -46,6 +48,16 @@ def load(source: str | Path | dict[str, Any], root: str | Path | None = None, ma
     >>> load("nowhere/box.json")
     Traceback (most recent call last):
     raytrace.errors.FileError: nowhere/box.json: no such file; there is no folder nowhere
+
+    >>> triangle = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]
+    >>> scene = load({
+    ...     "camera": {"position": [0, 0, 3], "look_at": [0, 0, 0], "fov": 40},
+    ...     "lights": [{"type": "point", "position": [0, 0, 3], "flux": [9, 9, 9]}],
+    ...     "materials": {"white": {"type": "diffuse", "albedo": [0.7, 0.7, 0.7]}},
+    ...     "objects": [{"mesh": triangle, "material": "white"}],
+    ... })
+    >>> len(scene.mesh.faces)
+    1
     """
     if isinstance(source, dict):
         path, text = None, from_dict(source)
@@ -63,7 +75,7 @@ def load(source: str | Path | dict[str, Any], root: str | Path | None = None, ma
         found = [problem for problem in found if not problem.text.startswith("missing key")]
     problems += found + checks.check(data)
     if scene is None or problems:
-        raise text.error(problems + _missing_meshes(data, reach), origins)
+        raise text.error(problems + _missing_meshes(data, reach, text.meshes), origins)
     from raytrace.scene.make import make_scene
 
     return make_scene(scene, data, path, text, origins, reach)
@@ -84,13 +96,13 @@ def _validate(data: dict[str, Any]) -> tuple[Any, list[Problem]]:
         return None, tell(error, data)
 
 
-def _missing_meshes(data: dict[str, Any], reach: Reach) -> list[Problem]:
+def _missing_meshes(data: dict[str, Any], reach: Reach, given: Mapping[str, Any]) -> list[Problem]:
     """Look whether the mesh files are there, for a scene that has other problems."""
     objects = data.get("objects")
     problems = []
     for i, entry in enumerate(objects if isinstance(objects, list) else []):
         mesh = entry.get("mesh") if isinstance(entry, dict) else None
-        if isinstance(mesh, str) and mesh:
+        if isinstance(mesh, str) and mesh and mesh not in given:
             try:
                 locate(reach.find(mesh))
             except (SceneError, FileError) as error:

@@ -1,17 +1,19 @@
 """From a valid scene to arrays: its meshes read and put in place, its tables, its hash."""
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from raytrace.errors import FileError, SceneError
+from raytrace.errors import FileError, FileMemoryError, SceneError
 from raytrace.limits import MAX_TRIANGLES
 from raytrace.memory import Allowance, Joining
 from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Lights, Materials, Mesh, RawMesh, Scene, Settings
 from raytrace.scene import checks
 from raytrace.scene.files import Reach
+from raytrace.scene.given import MARK, read_given
 from raytrace.scene.meshes import read_mesh
 from raytrace.scene.place import Placed, assemble, place
 from raytrace.scene.positions import Origins
@@ -41,13 +43,13 @@ def make_scene(
     SceneError, FileError
         What is wrong with meshes.
     """
-    placed, problems = _place_all(scene, reach)
+    placed, problems, file_warnings = _place_all(scene, reach, text.meshes)
     if problems:
         raise text.error(problems, origins)
     mesh, mesh_warnings = assemble(placed)
     names = _names(scene)
     warnings = checks.warn(data)
-    warnings += [Problem(("objects", i, "mesh"), f"{names[i]}: {what}") for i, what in mesh_warnings]
+    warnings += [Problem(("objects", i, "mesh"), f"{names[i]}: {what}") for i, what in file_warnings + mesh_warnings]
     view = scene.camera
     camera = Camera(np.array(view.position), np.array(view.look_at), np.array(view.up), view.fov)
     background = np.array(scene.background)
@@ -77,34 +79,44 @@ def fingerprint(scene: Scene) -> str:
     return _hash(scene.camera, scene.settings.max_depth, scene.background, scene.materials, scene.lights, scene.mesh)
 
 
-def _place_all(scene: Any, reach: Reach) -> tuple[list[Placed], list[Problem]]:
-    """Read each mesh file once, and put it where the objects want it."""
+def _place_all(
+    scene: Any, reach: Reach, given: Mapping[str, Any]
+) -> tuple[list[Placed], list[Problem], list[tuple[int, str]]]:
+    """Read each mesh once, and put it where the objects want it; with what the files warn of, by object."""
     rows = {name: row for row, name in enumerate(scene.materials)}
     read: dict[str, RawMesh | None] = {}
-    placed, problems = list[Placed](), list[Problem]()
+    placed, problems, notes = list[Placed](), list[Problem](), list[tuple[int, str]]()
     allowance, joining = Allowance(reach.max_memory), Joining()
     for i, entry in enumerate(scene.objects):
         try:
             if entry.mesh not in read:
                 read[entry.mesh] = None  # a broken file is told once
-                read[entry.mesh] = mesh = read_mesh(reach.find(entry.mesh), allowance)
-                allowance.left -= sum(array.nbytes for array in mesh if array is not None)
+                if entry.mesh in given:
+                    read[entry.mesh] = read_given(given[entry.mesh])
+                else:
+                    read[entry.mesh] = mesh = read_mesh(reach.find(entry.mesh), allowance, reach.around(entry.mesh))
+                    allowance.left -= mesh.nbytes
+                    notes += [(i, text) for text in mesh.warnings]
             raw = read[entry.mesh]
             if raw is not None:
                 joining = joining.with_object(len(raw.faces), len(raw.vertices), _smoothness(raw, entry))
                 _afford(joining, allowance)
                 placed.append(place(raw, entry, rows[entry.material]))
         except _TooLargeError as error:  # and more would not make it smaller
-            return [], [*problems, Problem(("objects", i, "mesh"), str(error), unreadable=True)]
+            return [], [*problems, mesh_problem(i, error)], []
         except (SceneError, FileError) as error:
             problems.append(mesh_problem(i, error))
         except ValueError as error:
             problems.append(Problem(("objects", i), str(error)))
-    return placed, problems
+    return placed, problems, notes
 
 
 class _TooLargeError(FileError):
     """A scene that no cure of one mesh makes small enough."""
+
+
+class _TooMuchMemoryError(_TooLargeError, FileMemoryError):
+    """The same, for lack of memory."""
 
 
 def _smoothness(raw: RawMesh, entry: Any) -> int:
@@ -117,7 +129,7 @@ def _afford(joining: Joining, allowance: Allowance) -> None:
     if joining.triangles > MAX_TRIANGLES:
         raise _TooLargeError(f"with this object there are {joining.triangles:,} triangles; at most {MAX_TRIANGLES:,}")
     if lacks := allowance.lacks(joining.total(), "simplify the meshes, or use fewer objects"):
-        raise _TooLargeError(f"the scene, of {joining.triangles:,} triangles with this object, {lacks}")
+        raise _TooMuchMemoryError(f"memory: the scene, of {joining.triangles:,} triangles with this object, {lacks}")
 
 
 def _materials(scene: Any) -> Materials:
@@ -137,7 +149,7 @@ def _names(scene: Any) -> tuple[str, ...]:
     names: list[str] = []
     counts: dict[str, int] = {}
     for entry in scene.objects:
-        name = Path(entry.mesh).name
+        name = "mesh" if entry.mesh.startswith(MARK) else Path(entry.mesh).name
         counts[name] = counts.get(name, 0) + 1
         names.append(name if counts[name] == 1 else f"{name} ({counts[name]})")
     return tuple(names)

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from raytrace.errors import FileError, SceneError, shortened
+from raytrace.errors import FileError, FileMemoryError, RaytraceError, SceneError, shortened
 from raytrace.limits import MAX_MESH, MAX_TRIANGLES
 from raytrace.memory import Allowance, of_reading
 from raytrace.records import RawMesh
-from raytrace.scene.files import format_of, locate
+from raytrace.scene.files import Reach, format_of, locate
 from raytrace.scene.glb import read_glb
+from raytrace.scene.mesh_errors import TooLargeError, TooManyTrianglesError, UnsupportedError
 from raytrace.scene.obj import ObjError, read_obj
 from raytrace.scene.ply import read_ply
 from raytrace.scene.rawmesh import concatenate
@@ -57,7 +58,23 @@ def _read_bytes(path: Path, allowance: Allowance) -> bytes:
 def _afford(path: Path, length: int, words: int | None, allowance: Allowance) -> None:
     """Refuse a file that takes more memory than there is."""
     if lacks := allowance.lacks(of_reading(format_of(path), length, words), "split it or simplify it"):
-        raise FileError(f"{path}: {lacks}")
+        raise FileMemoryError(f"memory: {path}: {lacks}")
+
+
+def _other_reader(path: Path, reach: Reach | None, allowance: Allowance) -> Callable[[bytes, float], list[RawMesh]]:
+    from raytrace.scene.other_formats import other_reader  # which few scenes need
+
+    return other_reader(path, reach, allowance)
+
+
+def _refusal(path: Path, error: ValueError, allowance: Allowance) -> SceneError | FileError:
+    """Word why a file that may be sound is refused."""
+    if isinstance(error, TooManyTrianglesError):
+        if lacks := allowance.lacks(PLACED * error.load, "simplify it, or place it less often"):
+            return FileMemoryError(f"memory: {path}: {error}, which {lacks}")
+        return FileError(f"{path}: {error}; at most {MAX_TRIANGLES:,}")
+    text = f"{path}: {shortened(' '.join(str(error).split()), MAX_REASON)}"
+    return FileError(text) if isinstance(error, TooLargeError) else SceneError([text])
 
 
 def _words(data: bytes, kind: str) -> int | None:
@@ -80,20 +97,22 @@ def _check(mesh: RawMesh, path: Path) -> None:
         raise SceneError([f"{path}: {text}, counted from 0"])
 
 
-def read_mesh(path: Path, allowance: Allowance | None = None) -> RawMesh:
+def read_mesh(path: Path, allowance: Allowance | None = None, reach: Reach | None = None) -> RawMesh:
     """Read all triangles of a mesh file; several parts become one, each where its transforms put it.
 
     Parameters
     ----------
     path : pathlib.Path
-        An OBJ, PLY, STL or GLB file, plain or compressed with gzip.
+        An OBJ, PLY, STL or GLB file, or one of another known format, plain or compressed with gzip.
     allowance : Allowance, optional
         Memory that it may take; by default what is free.
+    reach : Reach, optional
+        Where other files may lie that it names; by default below its own folder.
 
     Returns
     -------
     RawMesh
-        At least one triangle.
+        At least one triangle, and warnings.
 
     Raises
     ------
@@ -115,11 +134,16 @@ def read_mesh(path: Path, allowance: Allowance | None = None) -> RawMesh:
     most = min(MAX_TRIANGLES, allowance.left / PLACED)
     try:
         with np.errstate(all="ignore"):  # what is not finite is found below
-            parts = [part for part in READERS[kind](data, most) if part is not None]
+            read = READERS.get(kind) or _other_reader(path, reach, allowance)
+            parts = [part for part in read(data, most) if part is not None]
+    except RaytraceError:
+        raise
     except ObjError as error:
         raise SceneError([f"{path}:{error.line}: {error}"]) from None
     except MemoryError:  # less than seemed free
-        raise FileError(f"{path}: not enough memory to read it; split it or simplify it") from None
+        raise FileMemoryError(f"memory: {path}: there is not enough to read it; split it or simplify it") from None
+    except (TooLargeError, UnsupportedError) as error:
+        raise _refusal(path, error, allowance) from None
     except (ValueError, OverflowError, RecursionError) as error:
         reason = shortened(" ".join(str(error).split()) or type(error).__name__, MAX_REASON)
         raise SceneError([f"{path}: no complete {kind[1:].upper()} file: {reason}"]) from error

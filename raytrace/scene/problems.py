@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
-from raytrace.errors import FileError, SceneError, printable, shortened
+from raytrace.errors import FileError, FileMemoryError, SceneError, printable, shortened
 from raytrace.scene.positions import Path
 
 MOST = 100  # problems that are told of one scene
@@ -20,11 +20,13 @@ class Problem(NamedTuple):
     text: str  # what is wrong, and the fix
     at_key: bool = False  # whether the key is wrong, and not its value
     unreadable: bool = False  # whether a file can't be read, where the scene itself may be right
+    lacks_memory: bool = False  # whether that is for lack of memory
 
 
 def mesh_problem(index: int, error: SceneError | FileError) -> Problem:
     """What is wrong with the mesh file of an object."""
-    return Problem(("objects", index, "mesh"), str(error), unreadable=isinstance(error, FileError))
+    memory = isinstance(error, FileMemoryError)
+    return Problem(("objects", index, "mesh"), str(error), unreadable=isinstance(error, FileError), lacks_memory=memory)
 
 
 def quote(value: Any) -> str:

@@ -42,7 +42,7 @@ def transform(mesh: RawMesh, linear: Matrix, offset: Matrix) -> RawMesh:
             normals = product(-cofactors if mirrors else cofactors, normals)
             normal_faces = normal_faces[:, order]
         vertices = product(linear, mesh.vertices) + offset
-    return RawMesh(vertices, mesh.faces[:, order], normals, normal_faces)
+    return RawMesh(vertices, mesh.faces[:, order], normals, normal_faces, warnings=mesh.warnings)
 
 
 def concatenate(meshes: list[RawMesh]) -> RawMesh:
@@ -66,7 +66,8 @@ def concatenate(meshes: list[RawMesh]) -> RawMesh:
             normals.append(mesh.normals)
             normal_faces.append(np.where(mesh.normal_faces < 0, -1, mesh.normal_faces + before_normals))
             before_normals += len(mesh.normals)
-    joined = RawMesh(np.concatenate(vertices), np.concatenate(faces), None, None)
+    warnings = tuple(dict.fromkeys(text for mesh in meshes for text in mesh.warnings))
+    joined = RawMesh(np.concatenate(vertices), np.concatenate(faces), None, None, warnings=warnings)
     if not normals:
         return joined
     return joined._replace(normals=np.concatenate(normals), normal_faces=np.concatenate(normal_faces))

@@ -109,7 +109,8 @@ class Object(Model):
     """A mesh, what it is made of, and where it stands: scaled, then rotated, then translated."""
 
     mesh: Annotated[str, Field(min_length=1)] = Field(
-        description="Path of an OBJ, PLY, STL or GLB file, plain or with .gz; relative to the scene file."
+        description="Path of an OBJ, PLY, STL, GLB or glTF file, or of another format that trimesh reads; plain or "
+        "with .gz; relative to the scene file."
     )
     material: str = Field(description="A name in materials.")
     scale: Scale = Field(

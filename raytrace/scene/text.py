@@ -3,13 +3,14 @@
 import json
 import math
 import os
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
-from raytrace.errors import FileError, SceneError, printable, shortened
+from raytrace.errors import FileError, FileMemoryError, SceneError, printable, shortened
 from raytrace.limits import MAX_SCENE
 from raytrace.scene import positions
+from raytrace.scene.given import take_meshes
 from raytrace.scene.problems import MOST, Problem, no_such_file, quote
 
 MAX_NESTING = 100  # the format itself needs 4
@@ -42,13 +43,23 @@ class Text:
         Whether there is a file in which lines and columns mean something.
     trusted : set of str
         What a program gave as a path, and not as text.
+    meshes : dict
+        Name in the text -> what a program gave as a mesh, and not as a path.
     """
 
-    def __init__(self, name: str, text: str, in_file: bool, trusted: Collection[str] = ()) -> None:
+    def __init__(
+        self,
+        name: str,
+        text: str,
+        in_file: bool,
+        trusted: Collection[str] = (),
+        meshes: Mapping[str, Any] | None = None,
+    ) -> None:
         self.name = name
         self.text = text
         self.in_file = in_file
         self.trusted = frozenset(trusted)
+        self.meshes = meshes or {}
 
     def tell(self, problems: Iterable[Problem], origins: positions.Origins) -> list[str]:
         """Return the problems with their places, a line each, in the order of the text.
@@ -78,6 +89,8 @@ class Text:
         lines = self.tell(problems[:MOST], origins)
         if len(problems) > MOST:
             lines.append(f"{self.name}: and more: these are the first {MOST}")
+        if all(problem.lacks_memory for problem in problems):
+            return FileMemoryError("\n".join(lines))
         if all(problem.unreadable for problem in problems):
             return FileError("\n".join(lines))
         return SceneError(lines)
@@ -183,7 +196,7 @@ def read_file(path: Path) -> Text:
 
 
 def from_dict(scene: dict[str, Any]) -> Text:
-    """Write a dict, which may hold tuples, NumPy arrays and paths, as the text of a scene.
+    """Write a dict, which may hold tuples, NumPy arrays, paths and meshes, as the text of a scene.
 
     Raises
     ------
@@ -206,7 +219,8 @@ def from_dict(scene: dict[str, Any]) -> Text:
         raise TypeError(f"a {type(value).__name__} has no form in JSON")
 
     try:
-        return Text("scene", json.dumps(scene, default=plain), False, trusted)
+        scene, meshes = take_meshes(scene)
+        return Text("scene", json.dumps(scene, default=plain), False, trusted, meshes)
     except RecursionError:
         raise SceneError([f"scene: nested more than {MAX_NESTING} deep; no part of a scene is"]) from None
     except (TypeError, ValueError) as error:

@@ -37,6 +37,11 @@ class Case(NamedTuple):
         return ROOM if self.unfolds else MEMORY[0] + MEMORY[1] * sum(map(len, self.files.values()))
 
 
+def _lacks_memory(code: int, lines: list[str]) -> bool:
+    """Whether all that is wrong is a lack of memory, which any command may end with."""
+    return code == COMMAND and bool(lines) and all("memory: " in line for line in lines)
+
+
 class Mill:
     """A worker, and what came of its cases: ``counts`` of exit codes, and ``finds``."""
 
@@ -75,11 +80,11 @@ class Mill:
             {path.name for path in self.folder.iterdir()} - set(case.files) - ({case.output} if code == DONE else set())
         )
         checks = {
-            f"exit code {code}: {answer['err'][-300:]}": code not in case.codes,
+            f"exit code {code}: {answer['err'][-300:]}": code not in case.codes and not _lacks_memory(code, lines),
             f"wrote to the terminal by itself: {answer.get('stray')}": bool(answer.get("stray")),
             f"left {left} behind": bool(left),
             "says nothing": code in (COMMAND, SCENE, FILE) and not lines,
-            f"not enough memory for a small file: {lines}": any("not enough memory" in line for line in lines),
+            f"not enough memory for a small file: {lines}": any("there is not enough" in line for line in lines),
             f"took {answer['grown'] >> 20} MiB": answer["grown"] > case.room,
             "wrote no picture": code == DONE and bool(case.output) and not (self.folder / case.output).exists(),
             f"wrong: {answer.get('wrong')}": bool(answer.get("wrong")),

@@ -100,6 +100,59 @@ def document(uri: str | None = None) -> dict[str, Any]:
     }
 
 
+def posed() -> bytes:
+    """A GLB of a skin, a morph target in sparse numbers, and instances."""
+    data, views = b"", list[dict[str, Any]]()
+    arrays = [
+        POINTS,
+        np.array([0, 1, 2, 0, 2, 3], "<u2"),
+        np.array([[0, 1, 0, 0]] * 5, "<u1"),
+        np.array([[0.5, 0.5, 0, 0]] * 5, "<f4"),
+        np.array([np.eye(4).ravel()] * 2, "<f4"),
+        np.array([1, 3], "<u2"),
+        np.array([[0, 0, 1]] * 2, "<f4"),
+    ]
+    for array in arrays:
+        data += b"\0" * (-len(data) % 4)
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": array.nbytes})
+        data += array.tobytes()
+    rows = [(5, "VEC3", 5126), (6, "SCALAR", 5123), (5, "VEC4", 5121), (5, "VEC4", 5126), (2, "MAT4", 5126)]
+    accessors: list[dict[str, Any]] = [
+        {"bufferView": k, "count": count, "type": shape, "componentType": kind}
+        for k, (count, shape, kind) in enumerate(rows)
+    ]
+    places = {"bufferView": 5, "componentType": 5123}
+    sparse = {"count": 2, "indices": places, "values": {"bufferView": 6}}
+    accessors.append({"count": 5, "type": "VEC3", "componentType": 5126, "sparse": sparse})
+    accessors.append({"bufferView": 6, "count": 2, "type": "VEC3", "componentType": 5126})
+    part = {"attributes": {"POSITION": 0, "JOINTS_0": 2, "WEIGHTS_0": 3}, "indices": 1, "targets": [{"POSITION": 5}]}
+    instances = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 6}}}
+    content = {
+        "asset": {"version": "2.0"},
+        "extensionsUsed": ["EXT_mesh_gpu_instancing"],
+        "scenes": [{"nodes": [0, 1, 3]}],
+        "nodes": [
+            {"mesh": 0, "skin": 0},
+            {"translation": [0.5, 0, 0], "children": [2]},
+            {"rotation": [0, 0.6, 0, 0.8]},
+            {"mesh": 0, "extensions": instances, "weights": [0.5]},
+        ],
+        "skins": [{"joints": [1, 2], "inverseBindMatrices": 4}],
+        "meshes": [{"primitives": [part], "weights": [1]}],
+        "buffers": [{"byteLength": len(data)}],
+        "bufferViews": views,
+        "accessors": accessors,
+    }
+    return glb(content, data)
+
+
+def off() -> bytes:
+    """An OFF file of the pyramid."""
+    rows = [" ".join(map(str, row)) for row in POINTS.tolist()]
+    rows += [" ".join(map(str, [len(face), *face])) for face in FACES]
+    return "\n".join(["OFF", f"{len(POINTS)} {len(FACES)} 0", *rows, ""]).encode()
+
+
 def glb(content: dict[str, Any], data: bytes) -> bytes:
     """A GLB file."""
     text = json.dumps(content).encode()
@@ -122,6 +175,9 @@ def meshes() -> dict[str, bytes]:
         "binary.stl": stl(binary=True),
         "a.glb": glb(document(), data),
         "inside.glb": glb(document(uri), b""),
+        "posed.glb": posed(),
+        "text.gltf": json.dumps(document(uri)).encode(),
+        "a.off": off(),
     }
     return files | {f"{name}.gz": gzip.compress(files[name], mtime=0) for name in ("a.obj", "little.ply", "a.glb")}
 

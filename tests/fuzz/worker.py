@@ -72,6 +72,8 @@ def right(words: list[str]) -> str:
 
 def warm() -> None:
     """Load whatever commands need, and have it compiled."""
+    import trimesh  # noqa: F401
+
     import naive_sampling  # noqa: F401
     import raytrace as rt
     import raytrace.scene.schema
