@@ -15,7 +15,7 @@ from raytrace.scene.files import Reach
 from raytrace.scene.meshes import read_mesh
 from raytrace.scene.place import Placed, assemble, place
 from raytrace.scene.positions import Origins
-from raytrace.scene.problems import Problem, mesh_problem
+from raytrace.scene.problems import MOST, Problem, mesh_problem
 from raytrace.scene.text import Text
 
 
@@ -84,11 +84,13 @@ def _place_all(scene: Any, reach: Reach) -> tuple[list[Placed], list[Problem]]:
     placed, problems = list[Placed](), list[Problem]()
     allowance, joining = Allowance(reach.max_memory), Joining()
     for i, entry in enumerate(scene.objects):
+        if len(problems) > MOST:  # no more are reported, and each takes a look into a folder
+            break
         try:
             if entry.mesh not in read:
                 read[entry.mesh] = None  # a broken file is told once
                 read[entry.mesh] = mesh = read_mesh(reach.find(entry.mesh), allowance)
-                allowance.left -= sum(array.nbytes for array in mesh if array is not None)
+                allowance.left -= sum(array.nbytes for array in mesh[:4] if array is not None)
             raw = read[entry.mesh]
             if raw is not None:
                 joining = joining.with_object(len(raw.faces), len(raw.vertices), _smoothness(raw, entry))

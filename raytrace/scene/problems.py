@@ -93,7 +93,31 @@ def at(data: Any, path: Path) -> Any:
 
 
 def no_such_file(path: FilePath) -> str:
-    """Word a file that is not there, with the name nearest to it in the same folder."""
+    """Word a file that is not there, with the name nearest to it in the same folder, or the path but for its case."""
+    if alike := _other_case(path):
+        return printable(f"{path}: no such file, but there is {quote(str(alike))}; upper and lower case differ")
     if not path.parent.is_dir():
         return printable(f"{path}: no such file; there is no folder {path.parent}")
     return printable(f"{path}: no such file{_hint(path.name, [entry.name for entry in path.parent.iterdir()])}")
+
+
+def _other_case(path: FilePath) -> FilePath | None:
+    """Path that differs in upper and lower case only, or in how accents are encoded; None: there is none."""
+    missing = list[str]()
+    while not path.exists():
+        missing.append(path.name)
+        if path.name in ("", "..") or path == path.parent:
+            return None
+        path = path.parent
+    try:
+        for name in reversed(missing):
+            path /= min(entry.name for entry in path.iterdir() if _folded(entry.name) == _folded(name))
+    except (OSError, ValueError):  # no folder, or nothing alike in it
+        return None
+    return path
+
+
+def _folded(name: str) -> str:
+    import unicodedata
+
+    return unicodedata.normalize("NFC", name.casefold())
