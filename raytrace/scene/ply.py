@@ -235,6 +235,7 @@ def read_ply(data: bytes) -> RawMesh | None:
 def _rows_of(what: str, numbers: Array, sizes: Integers) -> Integers:
     """Indices of vertices as whole numbers."""
     if numbers.dtype.kind == "f":
+        numbers = numbers.astype(np.float64)
         wrong = ~(abs(numbers) < 2.0**62) | (numbers != np.floor(numbers))
         if wrong.any():
             k = int(np.argmax(wrong))
