@@ -40,10 +40,11 @@ class Lights(NamedTuple):
 class RawMesh(NamedTuple):
     """The triangles of one mesh file, in its own space."""
 
-    vertices: NDArray[np.float64]  # (v, 3) f8, the file's units; finite
+    vertices: NDArray[np.float64]  # (v, 3) f8, the file's units; finite where a face uses them
     faces: NDArray[np.int64]  # (m, 3) i8: rows of vertices, counter-clockwise seen from the front
     normals: NDArray[np.float64] | None  # (n, 3) f8, any length: the file's normals; None: it has none
     normal_faces: NDArray[np.int64] | None  # (m, 3) i8: row of normals of each corner, -1: none
+    normals_fault: str = ""  # why the file's normals cannot be used: an error in a smooth mesh, nothing in a flat one
     warnings: tuple[str, ...] = ()  # what the file has that is probably not what it looks like here
 
     @property

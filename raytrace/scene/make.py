@@ -17,7 +17,7 @@ from raytrace.scene.given import MARK, read_given
 from raytrace.scene.meshes import read_mesh
 from raytrace.scene.place import Placed, assemble, place
 from raytrace.scene.positions import Origins
-from raytrace.scene.problems import Problem, mesh_problem
+from raytrace.scene.problems import MOST, Problem, mesh_problem
 from raytrace.scene.text import Text
 
 
@@ -88,6 +88,8 @@ def _place_all(
     placed, problems, notes = list[Placed](), list[Problem](), list[tuple[int, str]]()
     allowance, joining = Allowance(reach.max_memory), Joining()
     for i, entry in enumerate(scene.objects):
+        if len(problems) > MOST:  # no more are reported, and each takes a look into a folder
+            break
         try:
             if entry.mesh not in read:
                 read[entry.mesh] = None  # a broken file is told once

@@ -11,6 +11,7 @@ import numpy as np
 from raytrace.errors import FileError, FileMemoryError, RaytraceError, SceneError, shortened
 from raytrace.limits import MAX_MESH, MAX_TRIANGLES
 from raytrace.memory import Allowance, of_reading
+from raytrace.misnamed import ENCODED, is_utf16, mistaken
 from raytrace.records import RawMesh
 from raytrace.scene.files import Reach, format_of, locate
 from raytrace.scene.glb import read_glb
@@ -18,7 +19,7 @@ from raytrace.scene.mesh_errors import TooLargeError, TooManyTrianglesError, Uns
 from raytrace.scene.obj import ObjError, read_obj
 from raytrace.scene.ply import read_ply
 from raytrace.scene.rawmesh import concatenate
-from raytrace.scene.stl import read_stl
+from raytrace.scene.stl import is_binary, is_text, read_stl
 
 READERS: dict[str, Callable[[bytes, float], list[RawMesh | None]]] = {  # of a file's content, and triangles at most
     ".obj": lambda data, _: [read_obj(data)],
@@ -31,6 +32,7 @@ PLACED = 200  # bytes of a triangle that a node places
 
 MAX_REASON = 300  # characters
 PIECE = 2**20  # bytes of a compressed file that are unfolded at a time
+BEGIN = 100  # bytes that show what a file is
 SPACES = 32  # characters up to this one part words
 
 
@@ -48,6 +50,8 @@ def _read_bytes(path: Path, allowance: Allowance) -> bytes:
                 _afford(path, data.tell(), None, allowance)
             return data.getvalue()
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        with path.open("rb") as file:
+            _check_kind(path, file.read(BEGIN))
         raise SceneError([f"{path}: broken or truncated gzip file: {error}"]) from None
     except FileError:
         raise
@@ -79,22 +83,33 @@ def _refusal(path: Path, error: ValueError, allowance: Allowance) -> SceneError 
 
 def _words(data: bytes, kind: str) -> int | None:
     """At most so many words are in a text; None: it is none."""
-    text = kind == ".obj" or (kind == ".ply" and b"format ascii" in data[:1000]) or data[:5] == b"solid"
+    text = kind == ".obj" or (kind == ".ply" and b"format ascii" in data[:1000]) or (kind == ".stl" and is_text(data))
     if not text:
         return None
     return int(np.count_nonzero(np.frombuffer(data, np.uint8) <= SPACES)) + data.count(b"/") * (kind == ".obj")
 
 
 def _check(mesh: RawMesh, path: Path) -> None:
-    finite = np.isfinite(mesh.vertices).all(axis=1)
-    if not finite.all():
-        row = int(np.argmin(finite))
-        raise SceneError([f"{path}: vertex row {row} is not finite: {mesh.vertices[row].tolist()}"])
     wrong = ((mesh.faces < 0) | (mesh.faces >= len(mesh.vertices))).any(axis=1)
     if wrong.any():
         row = int(np.argmax(wrong))
         text = f"face row {row} uses vertices {mesh.faces[row].tolist()}, but there are {len(mesh.vertices)}"
         raise SceneError([f"{path}: {text}, counted from 0"])
+    finite = np.isfinite(mesh.vertices).all(axis=1)
+    if not finite.all():
+        bad = np.intersect1d(np.flatnonzero(~finite), mesh.faces)  # others have no say
+        if len(bad):
+            row = int(bad[0])
+            raise SceneError([f"{path}: vertex row {row} is not finite: {mesh.vertices[row].tolist()}"])
+
+
+def _check_kind(path: Path, data: bytes) -> None:
+    """Refuse a file that is something else than its name says."""
+    if text := mistaken(data):
+        raise FileError(f"{path}: {text}")
+    kind = format_of(path)
+    if kind != ".glb" and is_utf16(data) and not (kind == ".stl" and is_binary(data)):
+        raise SceneError([f"{path}: {ENCODED}"])
 
 
 def read_mesh(path: Path, allowance: Allowance | None = None, reach: Reach | None = None) -> RawMesh:
@@ -130,6 +145,7 @@ def read_mesh(path: Path, allowance: Allowance | None = None, reach: Reach | Non
     locate(path)
     allowance = allowance or Allowance()
     data, kind = _read_bytes(path, allowance), format_of(path)
+    _check_kind(path, data)
     _afford(path, len(data), _words(data, kind), allowance)
     most = min(MAX_TRIANGLES, allowance.left / PLACED)
     try:
@@ -151,4 +167,5 @@ def read_mesh(path: Path, allowance: Allowance | None = None, reach: Reach | Non
         raise SceneError([f"{path}: no triangles in it"])
     for part in parts:
         _check(part, path)
-    return concatenate(parts) if len(parts) > 1 else parts[0]
+    mesh = concatenate(parts) if len(parts) > 1 else parts[0]
+    return mesh._replace(normals_fault=f"{path}{mesh.normals_fault}") if mesh.normals_fault else mesh

@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.errors import SceneError
 from raytrace.records import Mesh, RawMesh
-from raytrace.scene.rawmesh import transform
+from raytrace.scene.rawmesh import quiet_unused, transform
 
 Vectors = NDArray[np.float64]
 
@@ -80,11 +81,16 @@ def place(raw: RawMesh, entry: Any, material_id: int) -> Placed:
 
     Raises
     ------
+    SceneError
+        Smooth normals are asked for, and those of the file are wrong.
     ValueError
         Coordinates beyond ``MAX_COORDINATE``, or so large that nothing is left of the mesh's shape.
     """
+    if raw.normals_fault and entry.normals == "smooth":
+        raise SceneError([f'{raw.normals_fault}; mend the normals, or use "normals": "flat"'])
     turn = np.eye(3) if entry.rotate is None else rotation(entry.rotate.axis, entry.rotate.angle)
-    mesh = transform(raw, turn * entry.scale, np.array(entry.translate))
+    raw = quiet_unused(raw)
+    mesh = quiet_unused(transform(raw, turn * entry.scale, np.array(entry.translate)))
     largest = np.max(np.abs(mesh.vertices))
     if not largest <= MAX_COORDINATE:
         raise ValueError(f"coordinates reach {largest:.3g} in the world; expected at most {MAX_COORDINATE:g}")

@@ -2,6 +2,7 @@
 
 import difflib
 import json
+import os
 from collections.abc import Iterable
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
@@ -10,6 +11,7 @@ from raytrace.errors import FileError, FileMemoryError, SceneError, printable, s
 from raytrace.scene.positions import Path
 
 MOST = 100  # problems that are told of one scene
+MAX_PATH = 300  # characters of a path that are told
 SEARCHED = 1000  # names that are compared with a misspelt one
 
 
@@ -95,7 +97,35 @@ def at(data: Any, path: Path) -> Any:
 
 
 def no_such_file(path: FilePath) -> str:
-    """Word a file that is not there, with the name nearest to it in the same folder."""
+    """Word a file that is not there, with its name in another case, or the name nearest to it in the same folder."""
+    name = str(path)
+    name = name if len(name) <= MAX_PATH else f"{name[:100]}...{name[100 - MAX_PATH :]}"
+    if alike := _other_case(path):
+        return printable(f'{name}: no such file, but there is "{alike}"; upper and lower case differ')
     if not path.parent.is_dir():
-        return printable(f"{path}: no such file; there is no folder {path.parent}")
-    return printable(f"{path}: no such file{_hint(path.name, [entry.name for entry in path.parent.iterdir()])}")
+        return printable(f"{name}: no such file; there is no folder {name.removesuffix(path.name).rstrip(os.sep)}")
+    return printable(f"{name}: no such file{_hint(path.name, [entry.name for entry in path.parent.iterdir()])}")
+
+
+def _other_case(path: FilePath) -> str:
+    """End of a path that differs in case only, or in how accents are encoded; "" where there is none."""
+    missing = list[str]()
+    while not path.exists():
+        missing.append(path.name)
+        if path.name in ("", "..") or path == path.parent:
+            return ""
+        path = path.parent
+    found = list[str]()
+    try:
+        for name in reversed(missing):
+            entries = path.joinpath(*found).iterdir()
+            found.append(min(entry.name for entry in entries if _folded(entry.name) == _folded(name)))
+    except (OSError, ValueError):  # no folder, or nothing alike in it
+        return ""
+    return os.sep.join(found)
+
+
+def _folded(name: str) -> str:
+    import unicodedata
+
+    return unicodedata.normalize("NFC", name.casefold())

@@ -42,7 +42,32 @@ def transform(mesh: RawMesh, linear: Matrix, offset: Matrix) -> RawMesh:
             normals = product(-cofactors if mirrors else cofactors, normals)
             normal_faces = normal_faces[:, order]
         vertices = product(linear, mesh.vertices) + offset
-    return RawMesh(vertices, mesh.faces[:, order], normals, normal_faces, warnings=mesh.warnings)
+    return mesh._replace(vertices=vertices, faces=mesh.faces[:, order], normals=normals, normal_faces=normal_faces)
+
+
+def quiet_unused(mesh: RawMesh) -> RawMesh:
+    """Move vertices that no face uses to one that is used, where they lie outside the bounds of those that are.
+
+    So they decide neither whether a mesh can be rendered, nor in which precision.
+
+    Examples
+    --------
+    >>> mesh = RawMesh(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1e80, 0, 0]]), np.array([[1, 2, 0]]), None, None)
+    >>> quiet_unused(mesh).vertices[3].tolist()
+    [1.0, 0.0, 0.0]
+    """
+    used = np.zeros(len(mesh.vertices), bool)
+    used[mesh.faces.ravel()] = True
+    if used.all() or not len(mesh.faces):
+        return mesh
+    kept = mesh.vertices[used]
+    low, high = kept.min(axis=0), kept.max(axis=0)
+    far = ~used & ~((mesh.vertices >= low) & (mesh.vertices <= high)).all(axis=1)  # also what is no number
+    if not far.any():
+        return mesh
+    vertices = mesh.vertices.copy()
+    vertices[far] = vertices[mesh.faces[0, 0]]
+    return mesh._replace(vertices=vertices)
 
 
 def concatenate(meshes: list[RawMesh]) -> RawMesh:

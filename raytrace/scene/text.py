@@ -9,6 +9,7 @@ from typing import Any, NoReturn
 
 from raytrace.errors import FileError, FileMemoryError, SceneError, printable, shortened
 from raytrace.limits import MAX_SCENE
+from raytrace.misnamed import ENCODED, is_utf16, mistaken
 from raytrace.scene import positions
 from raytrace.scene.given import take_meshes
 from raytrace.scene.problems import MOST, Problem, no_such_file, quote
@@ -156,8 +157,10 @@ class Text:
 
 
 def _decode(name: str, data: bytes) -> str:
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        raise SceneError([f"{name}:1:1: not UTF-8 but UTF-16 text; save it as UTF-8"])
+    if is_utf16(data):
+        raise SceneError([f"{name}:1:1: not UTF-8 but {ENCODED}"])
+    if text := mistaken(data):
+        raise FileError(f"{name}: {text}")
     try:
         return data.decode("utf-8-sig")  # some editors begin UTF-8 with a byte order mark
     except UnicodeDecodeError as error:
