@@ -8,7 +8,7 @@ import numpy as np
 from raytrace.errors import FileError, SceneError
 from raytrace.limits import MAX_TRIANGLES
 from raytrace.memory import Allowance, Joining
-from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Lights, Materials, Mesh, RawMesh, Scene, Settings
+from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Lights, Materials, RawMesh, Scene, Settings
 from raytrace.scene import checks
 from raytrace.scene.files import Reach
 from raytrace.scene.meshes import read_mesh
