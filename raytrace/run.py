@@ -76,7 +76,8 @@ class Run:
                 for name in layers:
                     self.layers[name]
             except KeyboardInterrupt:
-                interrupted = True
+                interrupted, whole = True, int(self.canvas.film.samples.min()) == self.job.settings.spp
+                complete = whole and not layers  # it came too late
             finally:
                 self.__dict__.pop("_hand_out", None)  # it knows this run: a circle would keep the threads' memory
                 if self.keep:

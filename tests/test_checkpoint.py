@@ -313,7 +313,10 @@ sys.exit(main())
 """
 LONG = ["--size", "256x256", "--spp", "256"]
 PARTS = 30  # of 4, 4, 8, 16, 32, 64 ...: the passes with 1, 2 and 4 samples are complete
-WAITING = {"PARTS": str(PARTS), "GATE": "no-such-file"}  # after so many parts, until a signal comes or the file is there
+WAITING = {
+    "PARTS": str(PARTS),
+    "GATE": "no-such-file",
+}  # after so many parts, until a signal comes or the file is there
 posix = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 
 
@@ -467,9 +470,7 @@ def test_a_file_system_that_is_full_loses_nothing(undisturbed, tmp_path):
 
     path = tmp_path / "a.npz"
     limit = 24 * 96 * TILE**2  # of a file's size: the picture fits, the checkpoint doesn't
-    process = start(
-        "-o", str(path), "--resume", then=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-    )
+    process = start("-o", str(path), "--resume", then=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
     _, said = process.communicate(timeout=60)
     assert process.returncode == 0, said
     assert f"{path}.checkpoint: can't be written: File too large; no more parts are kept, drawing goes on\n" in said
