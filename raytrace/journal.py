@@ -62,7 +62,7 @@ class Journal:
             except FileNotFoundError:
                 return None
         if _checksum(number, content) == checksum:
-            return parsed(content)
+            return parsed(content) or ""
         raise FileError(f"{self.path}: is no checkpoint; delete or rename it")
 
     def create(self, title: Any) -> None:
