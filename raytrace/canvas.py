@@ -1,6 +1,6 @@
 """The film of one picture, and the parts of it that are handed out to be drawn on."""
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from raytrace.accel.lanes import PACKET
 from raytrace.parts import Part, curve
 from raytrace.passes.estimate import Model, estimate
-from raytrace.passes.film import Film, Frame, develop, make_film, make_frame, put, taken
+from raytrace.passes.film import Film, Frame, blank_frame, develop, make_film, make_frame, put, taken
 from raytrace.records import Window
+
+ALL = 2**31 - 1  # more samples than a pixel has
 
 
 class Sheet(NamedTuple):
@@ -50,14 +52,27 @@ class Canvas:
     def __init__(self, window: Window, model: Model) -> None:
         self.at = curve(window)
         self.film = make_film(len(self.at))
-        self._model = model
+        self._model, self._last = (
+            model,
+            cast(Frame | None, None),
+        )  # the frame of the last pass, for pixels that are drawn on in the next
         y, x = np.divmod(np.pad(self.at, (0, len(self.film.samples) - len(self.at)), "edge"), window.width)
         self._x, self._y = (x + window.x).astype(np.uint32), (y + window.y).astype(np.uint32)
+
+    def places(self, pixels: NDArray[np.int64]) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+        """Columns and rows of pixels of the film."""
+        return self._x[pixels], self._y[pixels]
+
+    def keep_passes(self) -> None:
+        """From now on, remember what each pixel showed before it is drawn on in another pass."""
+        self._last = blank_frame(len(self.at))
 
     def lend(self, part: Part) -> Sheet:
         """The sheet of a part: the film itself, or a copy where its pixels do not lie side by side in whole packets."""
         pixels = part.pixels
         if isinstance(pixels, slice):
+            if self._last and part.first:
+                develop(self.film, self.at[pixels], pixels.start, part.first, self._last)
             return Sheet(self._x[pixels], self._y[pixels], self.film, pixels.start)
         padded = np.append(pixels, np.repeat(pixels[-1:], -len(pixels) % PACKET))
         return Sheet(self._x[padded], self._y[padded], taken(self.film, padded), 0)
@@ -72,8 +87,14 @@ class Canvas:
             put(self.film, part.pixels, sheet.film)
         return shown
 
-    def develop(self) -> Frame:
-        """What the film shows by now."""
-        frame = make_frame(len(self.at))
-        develop(self.film, self.at, frame)
+    def fill(self, part: Part, sheet: Sheet, sums: NDArray[np.float64]) -> None:
+        """Put sums on a sheet, in a thread that may be interrupted: its pixels count as drawn on from the start."""
+        sheet.film.samples[sheet.begin : sheet.begin + len(sheet.x)] = part.last
+        sheet.sums[:] = sums
+
+    def develop(self, most: int = ALL) -> Frame:
+        """What the film shows; pixels with more samples than ``most`` are as they were before they were drawn on."""
+        pixels = len(self.at)
+        frame = self._last or (make_frame if most == ALL else blank_frame)(pixels)
+        develop(self.film, self.at, 0, most, frame)
         return frame

@@ -1,14 +1,15 @@
 """What is finished of a picture, on disk while it is drawn, so that a killed render goes on where it was.
 
-A checkpoint is a journal. Its title says of which picture it is and how that is cut into parts; each record holds the
-sums of one finished part. So every part is written once, where a snapshot of the film would write all that is finished
-again and again: 96 bytes a pixel, 1.6 GB for 4096 x 4096.
+A checkpoint is a journal. Its title says of which picture it is, one record how that is cut into parts; each other one
+holds the sums of one finished part. So every part is written once, where a snapshot of the film would write all that is
+finished again and again: 96 bytes a pixel, 1.6 GB for 4096 x 4096.
 
 Sums are added in a fixed order, and which parts there are depends on the picture alone; so it has the same bits however
 often it was begun anew. Parts are numbered in their order: a film that is drawn round after round is replayed.
 """
 
 import contextlib
+import json
 import threading
 import time
 from collections.abc import Callable
@@ -18,16 +19,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace import titles
 from raytrace.errors import FileError
 from raytrace.job import Job, Layout, identity
 from raytrace.journal import Journal
 from raytrace.passes.film import BINS
 
 SUFFIX = ".checkpoint"  # after the name of the picture
-FORMAT = 1
+FORMAT = 2
+LAYOUT = 0xFFFFFFFF  # number of the record that says how the picture is cut into parts; theirs count from 0
 EVERY = 2.0  # seconds between two writes at least
 SHARE = 0.05  # of the time spent on drawing that may go into keeping parts; those that would exceed it are not kept
 ROOM = 1 << 25  # bytes that wait to be written at most
+FOREIGN = "not a checkpoint of this image; starting over"
 QUIET = 10.0  # seconds of drawing of which nothing is kept unless it is asked for: a short picture pays nothing
 
 
@@ -55,44 +59,66 @@ class Checkpoint:
         self._lock = threading.Lock()  # of what waits: nobody holds it for long
         self._turn = threading.Lock()  # of whoever writes
 
-    def begin(self, job: Job, layout: Layout) -> Layout:
-        """Open the file of a picture; the layout of its parts, which is the file's if it is gone on from.
+    def begin(self, job: Job) -> Layout | None:
+        """Open the file of a picture; the layout of the parts in it, None where there are none.
 
         Raises
         ------
         FileError
             The file is of another picture, or no checkpoint, or in use, or can't be read or written.
         """
-        self._job, self._layout, self._began = job, layout, time.monotonic()
-        self._due = self._began + EVERY
+        self._job = job
         try:
             found = self._journal.title()
         except FileError as error:
             if self.resume:
                 raise
             self._give_up(str(error))
-            return layout
-        if found is None:
-            if self.resume:
-                self._create()
-            return layout
-        different = _differences(self._title(), found["picture"])
+            return None
+        if found is not None and not titles.is_one(found, self._title()):
+            self._tell(f"{self.path}: {FOREIGN}")
+            found = None
+        if found is not None:
+            return self._look(found["picture"])
+        if self.resume:
+            self._create()
+        return None
+
+    def _look(self, picture: dict[str, Any]) -> Layout | None:
+        """Go on from a file with a sound title, or leave it alone."""
+        different = titles.differences(self._title(), picture)
         self._ours = not different
-        if self.resume and different:
-            raise FileError(f"{self.path}: is of another picture ({different}); delete it to begin this one")
         if not self.resume:
             if self._ours:
                 self._tell(f"{self.path}: holds a part of this picture, from which --resume goes on; this begins anew")
-            return layout
+            return None
+        if different:
+            raise FileError(f"{self.path}: is of another picture ({different}); delete it to begin this one")
         self._journal.open()
-        self._tell(f"{self.path}: goes on from {len(self._journal.places)} finished parts")
-        self._layout = Layout(**found["layout"])
-        return self._layout
+        places = self._journal.places
+        layout = titles.layout_of(self._journal.read(LAYOUT), self._job.first_spp)
+        if places and layout is None:
+            self._tell(f"{self.path}: {FOREIGN}")
+            places.clear()
+            self._journal.close()
+            self._create()
+        else:
+            self._tell(f"{self.path}: goes on from {max(len(places) - 1, 0)} finished parts")
+        return layout
+
+    def settle(self, layout: Layout) -> None:
+        """Take note of how the picture is cut into parts; from now on it is drawn."""
+        self._layout, self._began = layout, time.monotonic()
+        self._due = self._began + EVERY
+        if self._journal.is_open and LAYOUT not in self._journal.places:
+            self._journal.append([self._record()])
 
     def find(self, number: int) -> NDArray[np.float64] | None:
         """Sums of a finished part, (12, n); None: it isn't here."""
         content = self._journal.read(number)
-        return None if content is None else np.frombuffer(content, "<f8").reshape(3 * BINS, -1)
+        if not content or len(content) % (8 * 3 * BINS):
+            return None
+        return np.frombuffer(content, "<f8").reshape(3 * BINS, -1)
 
     def add(self, number: int, sums: NDArray[np.float64], seconds: float) -> None:
         """Keep a finished part, which took so many seconds to draw; it is written later. Any thread may call this."""
@@ -143,8 +169,12 @@ class Checkpoint:
         return {"format": FORMAT, **identity(self._job)}
 
     def _create(self) -> None:
-        self._journal.create({"picture": self._title(), "layout": self._layout._asdict()})
+        self._journal.create({"picture": self._title()})
         self._ours = True
+
+    def _record(self) -> tuple[int, bytes]:
+        """The layout, as it is written."""
+        return LAYOUT, json.dumps(self._layout._asdict()).encode()
 
     def _spend(self, seconds: float) -> None:
         with self._lock:
@@ -160,6 +190,7 @@ class Checkpoint:
             try:
                 if not self._journal.is_open:
                     self._create()
+                    self._journal.append([self._record()])
                 self._journal.append(waiting)
             except FileError as error:
                 self._give_up(str(error))
@@ -177,10 +208,3 @@ def _log(line: str) -> None:
     import logging
 
     logging.getLogger("raytrace").warning(line)
-
-
-def _differences(mine: dict[str, Any], other: dict[str, Any]) -> str:
-    """What two pictures don't have in common, in words."""
-    names = [name for name in mine if mine[name] != other.get(name)]
-    hashes = {"scene": "another scene", "sources": "other sources of raytrace"}
-    return ", ".join(hashes.get(name) or f"{name} {other.get(name)}, not {mine[name]}" for name in names)

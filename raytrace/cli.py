@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TextIO
 import raytrace
 from raytrace import arguments
 from raytrace.errors import RaytraceError
-from raytrace.terminal import INTERRUPTED, Reporter, at_terminal, signals_interrupt
+from raytrace.terminal import ECHO, INTERRUPTED, Reporter, at_terminal, signals_interrupt
 
 DONE, INTERNAL, USAGE, FILE, DIFFERENT = 0, 1, 2, 4, 5  # 3, an invalid scene, is SceneError.exit_code
 QUICK = {  # what the program has no use for, and need not wait for
@@ -75,32 +75,34 @@ def _render(args: Namespace) -> int:
     if args.aov and path.suffix.lower() == ".png":
         raise ArgumentError(None, f"--aov: a PNG has no room for layers; use -o {path.stem}.exr or {path.stem}.npz")
     say = (lambda _line: None) if args.quiet else _say
-    with signals_interrupt():
+    with signals_interrupt(ECHO) as signals:
         scene = raytrace.load(args.scene, args.root, args.max_memory)
         for warning in scene.warnings:
             say(f"warning: {warning}")
-        from raytrace.delivery import checkpoint_of, connected, deliver, remarks
+        from raytrace.delivery import checkpoint_of, connected, deliver, nothing, place_of, remarks
 
         with Reporter(say, bar=at_terminal() and not args.quiet) as reporter:
             options = {key: getattr(args, key) for key in arguments.RENDER_OPTIONS}
             options["checkpoint"] = checkpoint_of(path, args.resume, say)
             with connected(args.cluster) as options["client"]:
                 image = raytrace.render(scene, progress=reporter, **options)
-        if image.interrupted and not image.aov["samples"].any():
-            _say("interrupted before any part was finished; nothing was saved")
+        if not image.provenance["samples"]:
+            _say(nothing(image))
             return INTERRUPTED
-        path, failure = deliver(image, path, args.exposure)
-    seconds = time.perf_counter() - began
-    for line in remarks(image, reporter.last, seconds, args.target_error):
-        say(line)
-    if failure:
-        _say(failure)
-    if args.json:
-        outcome = {"path": str(path), "seconds": seconds, "complete": image.complete}
-        _print_json(outcome | {"stats": image.stats, "provenance": image.provenance})
-    else:
-        print(path)
-    return FILE if failure else INTERRUPTED if image.interrupted else DONE
+        with signals.held():  # what is drawn is written
+            place = place_of(image, path)
+            written, failure = deliver(image, place, args.exposure)
+            seconds = time.perf_counter() - began
+            for line in remarks(image, reporter.last, seconds, args.target_error):
+                say(line)
+            if failure or place != path:
+                _say(failure or f"{path} exists and is left as it is; the partial image is in {written}")
+            if args.json:
+                outcome = {"path": str(written), "seconds": seconds, "complete": image.complete}
+                _print_json(outcome | {"stats": image.stats, "provenance": image.provenance})
+            else:
+                print(written, flush=True)
+    return FILE if failure else INTERRUPTED if image.interrupted or signals.came else DONE
 
 
 # The other verbs ------------------------------------------------------------------------------------------------------

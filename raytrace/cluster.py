@@ -23,10 +23,11 @@ from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raytrace.canvas import Sheet
 from raytrace.errors import OptionError
-from raytrace.job import Job, build
+from raytrace.job import Job, Layout, build
 from raytrace.parallel import POLL
 from raytrace.parts import Part
 from raytrace.worker import Drawn, Order, Refusal, draw, hold
@@ -38,6 +39,7 @@ PARTS = 64  # of a picture, for each thread of the cluster: more gain little, as
 TASK = 1e-3  # seconds that the scheduler takes for a task, so that n threads should take n of these for theirs
 SHORT = 0.2  # seconds that a part should take at least: caller, scheduler and worker spend some 0.01 on it
 RATE = 2e7  # samples a second that a thread draws of a simple scene; of others fewer, so that parts take longer
+SLOW = 10  # times fewer, of a scene that may still be expected
 AHEAD = 3  # tasks that the scheduler is given ahead, for each thread
 LOOK = 1.0  # seconds between two looks at how many threads there are
 
@@ -74,7 +76,16 @@ def part_pixels(pixels: int, samples: int, threads: int) -> int:
     >>> part_pixels(2**22, 256, 2), part_pixels(2**22, 256, 1000)
     (32768, 78125)
     """
-    return max(pixels // (PARTS * threads), int(max(SHORT, TASK * threads) * RATE) // samples)
+    return max(pixels // (PARTS * threads), part_samples(threads) // samples)
+
+
+def part_samples(threads: int) -> int:
+    """How many samples a part should have at least, for so many threads.
+
+    >>> part_samples(2), part_samples(1000)
+    (4000000, 20000000)
+    """
+    return int(max(SHORT, TASK * threads) * RATE)
 
 
 class Cluster:
@@ -96,9 +107,14 @@ class Cluster:
         self._refused: set[str] = set()
         self._rays, self._seconds = Counter[str](), dict[str, float]()
 
-    def pixels(self, pixels: int, samples: int) -> int:
-        """How many pixels a part should have, of a picture of so many with so many samples each."""
-        return part_pixels(pixels, samples, max(self._look(), 1))
+    def layout(self, layout: Layout, pixels: int) -> Layout:
+        """A layout for a picture of so many pixels, in parts that suit as many threads as there are now."""
+        threads = max(self._look(), 1)
+        return layout._replace(at_least=pixels // (PARTS * threads), work=part_samples(threads))
+
+    def expected(self, samples: int) -> float:
+        """Seconds that so many samples may take; no scene of this folder takes longer."""
+        return samples / (max(self._look(), 1) * RATE / SLOW)
 
     def rays(self) -> Counter[str]:
         """Rays traced so far, by kind."""
@@ -112,7 +128,7 @@ class Cluster:
         self,
         parts: Sequence[Numbered],
         lend: Callable[[Part], Sheet],
-        take: Callable[[Numbered, Sheet, float], None],
+        take: Callable[[Numbered, NDArray[np.float64], float], None],
         over: Callable[[], bool],
         report: Callable[[int], None],
     ) -> bool:
@@ -123,7 +139,7 @@ class Cluster:
         parts : sequence of (Part, int)
             With their numbers.
         lend, take : callable
-            Give a part's sheet; take it back when it is drawn, with the seconds that took.
+            Give a part's sheet; take the sums of its pixels, when it is drawn, with the seconds that took.
         over : callable
             Says that it is time to stop.
         report : callable
@@ -149,7 +165,8 @@ class Cluster:
                         self._refuse(result)
                         waiting.appendleft(numbered)
                     else:
-                        take(numbered, self._drawn(lend(numbered[0]), result), sum(result.seconds.values()))
+                        self._count(result)
+                        take(numbered, result.sums, sum(result.seconds.values()))
                         done += 1
                 report(done)
             return False
@@ -184,7 +201,8 @@ class Cluster:
             with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1TB"}):
                 future = self._client.submit(hold, content, key=f"raytrace-scene-{self._order.scene}", pure=False)
             _sent[self._client] = self._order.scene, future
-        self._client.replicate([future])
+        with contextlib.suppress(ValueError):  # no worker is there now; those that come fetch the scene by themselves
+            self._client.replicate([future])
         return future
 
     def _submit(
@@ -218,13 +236,11 @@ class Cluster:
         for future, result in zip(futures, self._client.gather(futures), strict=True):
             yield flying.pop(future), result
 
-    def _drawn(self, sheet: Sheet, drawn: Drawn) -> Sheet:
-        """A sheet with what a worker has drawn."""
-        sheet.sums[:] = drawn.sums
+    def _count(self, drawn: Drawn) -> None:
+        """Add up what a worker did."""
         self._rays.update(drawn.rays)
         for name, seconds in drawn.seconds.items():
             self._seconds[name] = self._seconds.get(name, 0.0) + seconds
-        return sheet
 
     def _refuse(self, refusal: Refusal) -> None:
         """Give a worker nothing more."""

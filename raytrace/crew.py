@@ -1,5 +1,6 @@
 """Who draws: the threads of one process, each with wavefronts of its own."""
 
+import contextlib
 import threading
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
@@ -37,6 +38,7 @@ class Crew:
         self._sampler = make_sampler(settings.sampler, settings.seed, settings.spp)
         self._local = threading.local()
         self._wavefronts: list[Wavefront] = []
+        self._idle: list[Wavefront] = []  # of threads that have ended
 
     def load_kernels(self) -> None:
         """Have the machine code of kernels ready here, where Ctrl-C is noticed, and not in the threads that draw."""
@@ -63,6 +65,9 @@ class Crew:
     def _wavefront(self, n: int) -> Wavefront:
         """Wavefront of the calling thread for batches of n samples."""
         front: Wavefront | None = getattr(self._local, "front", None)
+        if front is None:
+            with contextlib.suppress(IndexError):  # none is left
+                front = self._local.front = self._idle.pop()
         if front is None or n > front.most:
             front = self._local.front = Wavefront(self.stage, self._view, self._sampler, max(n, BATCH))
             self._wavefronts.append(front)
@@ -70,6 +75,16 @@ class Crew:
         if n != front.n:
             front.resize(n)
         return front
+
+    def rest(self) -> None:
+        """Let the next threads have the wavefronts of those that have ended."""
+        self._idle, self._local = list(self._wavefronts), threading.local()
+
+    def forget(self) -> None:
+        """Count rays and seconds anew."""
+        for front in self._wavefronts:
+            front.rays.clear()
+            front.seconds.clear()
 
     def mine(self) -> tuple[Counter[str], dict[str, float]]:
         """Rays traced and seconds spent so far by the calling thread."""

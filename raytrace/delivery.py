@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 
 from raytrace.checkpoint import SUFFIX, Checkpoint
 from raytrace.errors import FileError
-from raytrace.picture import Render
+from raytrace.picture import Render, state_of
 from raytrace.terminal import Event, speed
 
 if TYPE_CHECKING:
     from distributed import Client
+
+NOTED = 0.01  # seconds of compilation that are worth saying
 
 
 def checkpoint_of(path: Path, resume: bool, say: Callable[[str], None]) -> Checkpoint:
@@ -31,6 +33,20 @@ def connected(address: str | None) -> Iterator["Client | None"]:
 
     with connect(address) as client:
         yield client
+
+
+def place_of(image: Render, path: Path) -> Path:
+    """Where a picture is to be written: an incomplete one goes beside a file that is there.
+
+    Parameters
+    ----------
+    image : Render
+    path : Path
+        Where it is wanted.
+    """
+    if image.complete or not os.path.lexists(path):
+        return path
+    return path.with_name(f"{path.stem}.partial{path.suffix}")
 
 
 def deliver(image: Render, path: Path, exposure: float) -> tuple[Path, str]:
@@ -60,6 +76,11 @@ def deliver(image: Render, path: Path, exposure: float) -> tuple[Path, str]:
     raise FileError(f"{failure}; nor anywhere else{_kept(image, '; --resume goes on from {}')}")
 
 
+def nothing(image: Render) -> str:
+    """What is said where no pass over the image was completed."""
+    return f"{state_of(image)}; nothing was saved{_kept(image, '; --resume goes on from {}')}"
+
+
 def remarks(image: Render, last: Event | None, seconds: float, target: float | None) -> Iterator[str]:
     """What is worth saying of a picture.
 
@@ -74,14 +95,15 @@ def remarks(image: Render, last: Event | None, seconds: float, target: float | N
         Error that was wanted.
     """
     if not image.complete:
-        why = "interrupted" if image.interrupted else "time limit reached"
-        yield f"{why}; the finished part is saved{_kept(image, '; --resume goes on from {}')}"
+        yield f"{state_of(image)}{_kept(image, '; --resume goes on from {}')}"
     if image.complete and target is not None and image.stats["target_reached"] is False:
         yield f"target error {target:g} not reached with {image.provenance['spp']} samples a pixel"
     if last:
         error = image.stats["estimated_error"]
         known = f"estimated error {error:.2g}" if error == error else "error unknown"  # of one sample a pixel
-        yield f"{seconds:.2f} s, {speed(last)}, {known}"
+        compiling = image.stats["compile_seconds"]
+        apart = f" ({compiling:.2f} s of it compiling, {last.seconds:.2f} s rendering)" if compiling >= NOTED else ""
+        yield f"{seconds:.2f} s{apart}, {speed(last)}, {known}"
 
 
 def _kept(image: Render, words: str) -> str:

@@ -1,8 +1,13 @@
-"""Files opened for reading, if they are regular ones: a FIFO hangs, a device or a file of ``/proc`` may never end."""
+"""Files opened for reading, if they are regular ones: a FIFO hangs, a device or a file of ``/proc`` may never end.
 
+And files that are written whole, or not at all.
+"""
+
+import contextlib
 import errno
 import os
 import stat
+import time
 from pathlib import Path
 from typing import BinaryIO
 
@@ -16,6 +21,12 @@ KINDS = {
     stat.S_IFCHR: "a character device",
     stat.S_IFBLK: "a block device",
 }
+
+HELD = 5, 32  # errors of Windows: access denied, sharing violation; so it is while a virus scanner reads a new file
+PATIENCE = 2.0  # seconds until such a file is given up
+PAUSE = 0.05  # seconds between two attempts
+
+unfinished: set[Path] = set()  # temporary files that are being written: to delete where the process ends at once
 
 
 def open_regular(path: str | os.PathLike[str], what: str = "a file") -> BinaryIO:
@@ -87,3 +98,50 @@ def _check(path: str | os.PathLike[str], mode: int, place: str, what: str) -> No
     parents = {str(parent) for parent in Path(place).parents}
     if not parents.isdisjoint(VIRTUAL) and ORDINARY not in parents:
         raise FileError(f"{name}: a virtual file, no regular file; name {what}")
+
+
+def write_whole(path: Path, *contents: bytes) -> None:
+    """Write a file, which appears with all its content, or not at all; an older one is replaced.
+
+    Parameters
+    ----------
+    path : Path
+    *contents : bytes
+        Are written one after the other.
+
+    Raises
+    ------
+    FileError
+        The file can't be written.
+
+    Notes
+    -----
+    The content goes to a temporary file in the same folder, which then takes the name: others see the old file or the
+    new one, never a part. On Windows that fails while a virus scanner holds one of them; it is tried again for
+    `PATIENCE` seconds.
+    """
+    temporary = path.with_name(f".{os.urandom(8).hex()}.tmp")
+    unfinished.add(temporary)
+    try:
+        with open(temporary, "xb") as stream:
+            for content in contents:
+                stream.write(content)
+        _put_in_place(temporary, path)
+    except OSError as error:
+        raise FileError(f"{printable(str(path))}: can't be written: {error.strerror}") from error
+    finally:
+        with contextlib.suppress(OSError):  # in its place already, or never made
+            temporary.unlink()
+        unfinished.discard(temporary)
+
+
+def _put_in_place(temporary: Path, path: Path) -> None:
+    """Rename a file, again and again while Windows says that it is held."""
+    end = time.monotonic() + PATIENCE
+    while True:
+        try:
+            return os.replace(temporary, path)
+        except OSError as error:
+            if getattr(error, "winerror", None) not in HELD or time.monotonic() > end:
+                raise
+        time.sleep(PAUSE)

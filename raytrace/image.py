@@ -9,7 +9,6 @@ A provenance value in a PNG or EXR is JSON, so that text and numbers come back a
 gives the same bytes.
 """
 
-import contextlib
 import io
 import json
 import os
@@ -23,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from raytrace import png
 from raytrace.errors import FileError, FileMemoryError, printable, shortened
+from raytrace.files import write_whole
 from raytrace.paths import check_path, suffix_of
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # (3,) f8: Y of linear Rec. 709 and sRGB primaries   [ITU-R BT.709-6]
@@ -138,10 +138,10 @@ def save(
     path = check_path(path)
     arrays = checked({"rgb": rgb, **({} if stderr is None else {"stderr": stderr}), **aov})
     if path.suffix.lower() == ".png":
-        _replace(path, png_bytes(rgb, provenance, exposure))
+        write_whole(path, png_bytes(rgb, provenance, exposure))
     else:
         encode = _exr_bytes if path.suffix.lower() == ".exr" else _npz_bytes
-        _replace(path, encode(arrays, provenance))
+        write_whole(path, encode(arrays, provenance))
     return path
 
 
@@ -213,20 +213,6 @@ def _converted(name: str, values: ArrayLike) -> NDArray[Any]:
     if not same.all():
         raise ValueError(f"{name}: values that {target.name} can't hold")
     return converted
-
-
-def _replace(path: Path, data: bytes) -> None:
-    # os.replace is atomic within a folder: others see the old file or the new one, never a part
-    temporary = path.with_name(f".{os.urandom(8).hex()}.tmp")
-    try:
-        with open(temporary, "xb") as stream:
-            stream.write(data)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise FileError(f"{path}: can't be written: {error.strerror}") from error
-    finally:
-        with contextlib.suppress(OSError):  # in its place already, or never made
-            temporary.unlink()
 
 
 def _to_texts(provenance: Mapping[str, Any]) -> dict[str, str]:

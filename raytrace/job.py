@@ -28,8 +28,9 @@ class Job(NamedTuple):
 class Layout(NamedTuple):
     """How a picture is cut into parts; it decides none of its bits."""
 
-    hasty: bool = False  # ever more samples round after round, so that the whole picture is there early
+    first: int | None = None  # samples of each pixel in the first pass over the film; 0: all; None: not yet known
     at_least: int = 0  # pixels of a part
+    work: int = 0  # samples of a part at least
 
 
 def identity(job: Job) -> dict[str, Any]:

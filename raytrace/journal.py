@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from raytrace.errors import FileError
+from raytrace.files import open_regular, write_whole
 
 HEAD = struct.Struct("<IIQ")  # of a record: CRC-32 of all that follows, its number, bytes of its content
 LONGEST = 1 << 20  # bytes of a title
@@ -45,7 +46,7 @@ class Journal:
         self._end = 0  # of the last whole record
 
     def title(self) -> Any:
-        """What the file says that it is; None: there is no file.
+        """What the file says that it is, as JSON types; None: there is no file; "": it says nothing that is JSON.
 
         Raises
         ------
@@ -54,34 +55,27 @@ class Journal:
         """
         with self._telling("read"):
             try:
-                with open(self.path, "rb") as stream:
+                with open_regular(self.path, "a checkpoint") as stream:
                     head = stream.read(HEAD.size)
                     checksum, number, length = HEAD.unpack(head.ljust(HEAD.size))
                     content = stream.read(min(length, LONGEST))
             except FileNotFoundError:
                 return None
         if _checksum(number, content) == checksum:
-            return json.loads(content)
+            return parsed(content) or ""
         raise FileError(f"{self.path}: is no checkpoint; delete or rename it")
 
     def create(self, title: Any) -> None:
         """Begin a new file, which appears with its title or not at all; a FileError where that can't be done."""
         content = json.dumps(title).encode()
-        temporary = self.path.with_name(f".{os.urandom(8).hex()}.tmp")
-        with self._telling("written"):
-            try:
-                temporary.write_bytes(_head(0, content) + content)
-                os.replace(temporary, self.path)
-            finally:
-                with contextlib.suppress(OSError):  # in its place already, or never made
-                    temporary.unlink()
+        write_whole(self.path, _head(0, content), content)
         self._lock()
         self._end = HEAD.size + len(content)
 
     def open(self) -> None:
         """Go on with a file that is there: find its whole records, and cut off what follows them."""
         self._lock()
-        with self._telling("read"), open(self.path, "rb") as stream:
+        with self._telling("read"), open_regular(self.path, "a checkpoint") as stream:
             size = os.fstat(stream.fileno()).st_size
             while len(head := stream.read(HEAD.size)) == HEAD.size:
                 checksum, number, length = HEAD.unpack(head)
@@ -98,7 +92,7 @@ class Journal:
         place = self.places.get(number)
         with contextlib.suppress(OSError):
             if place:
-                with open(self.path, "rb") as stream:
+                with open_regular(self.path) as stream:
                     stream.seek(place.offset)
                     return stream.read(place.length)
         return None
@@ -160,6 +154,14 @@ class Journal:
             raise
         except OSError as error:
             raise FileError(f"{self.path}: can't be {what}: {error.strerror}") from error
+
+
+def parsed(content: bytes) -> Any:
+    """JSON as Python has it; "" where it is none."""
+    try:
+        return json.loads(content)
+    except (ValueError, RecursionError):  # no JSON, no UTF-8, too many digits; brackets a thousand deep
+        return ""
 
 
 def _checksum(number: int, content: bytes) -> int:

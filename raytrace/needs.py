@@ -100,7 +100,6 @@ def _small_scene(picture: Picture) -> Scene:
     place = np.array([[0.0, 0.0, 3.0]])
     return Scene(
         source=None,
-        sha256="",
         about="",
         camera=Camera(np.array([0.0, 0.0, 4.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 40.0),
         settings=Settings((8, 8), 2, 4, "sobol", "auto", 0),
@@ -142,7 +141,7 @@ def tracing(front: Wavefront) -> Iterator[Call]:
     film = make_film(PACKET)
     yield accumulate, (front.radiance, 0, 0, film.sums, 0, PACKET)
     yield errors, (film.sums.reshape(-1), 0, np.zeros(7), np.zeros(3 * PACKET), film.variance, film.error)
-    yield develop, (film, np.zeros(0, np.int64), make_frame(0))
+    yield develop, (film, np.zeros(0, np.int64), 0, 0, make_frame(0))
     yield background, (samples.hits, front.radiance, colour)
     if stage.plan.refraction:
         yield land, (samples, 0, samples)

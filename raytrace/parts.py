@@ -41,12 +41,23 @@ def pieces(pixels: int, at_least: int) -> list[slice]:
     return [slice(k, min(k + step, pixels)) for k in range(0, pixels, step)]
 
 
-def rounds(spp: int, hasty: bool) -> list[tuple[int, int]]:
-    """Ranges of samples: all at once, or ever more where time may run out, so that the whole picture is there early."""
-    bounds = [0, spp]
-    if hasty:
-        bounds = [0, *(1 << k for k in range((spp - 1).bit_length())), spp]
-    return list(pairwise(bounds))
+def rounds(spp: int, first: int) -> list[tuple[int, int]]:
+    """Ranges of samples: all at once, or ever more where time may run out, so that the whole picture is there early.
+
+    Parameters
+    ----------
+    spp : int
+    first : int
+        Samples in the first range, each of the others doubles them; 0: all at once.
+
+    >>> rounds(20, 4), rounds(20, 0)
+    ([(0, 4), (4, 8), (8, 16), (16, 20)], [(0, 20)])
+    """
+    bounds = [0]
+    while first and first < spp:
+        bounds.append(first)
+        first *= 2
+    return list(pairwise([*bounds, spp]))
 
 
 def grown(

@@ -70,9 +70,10 @@ class Render:
         seconds, samples, "estimated_error" (RMSE in sRGB clipped to 0..1), "estimated_error_linear" (RMSE of
         luminance), "target_reached" (None without a target).
     provenance : dict
-        Version, scene hash, seed, settings, seconds: what is written into files.
+        Version, scene hash, seed, settings, seconds: what is written into files. "spp" are the samples per pixel that
+        were asked for, "samples" those that every pixel has.
     complete : bool
-        False after a cancel or a time limit.
+        False after Ctrl-C or a time limit. The image then has the samples of the last complete pass over all pixels.
     interrupted : bool
         True after Ctrl-C, or the stop button of a notebook.
     checkpoint : Checkpoint or None
@@ -136,10 +137,29 @@ class Render:
 
     def __repr__(self) -> str:
         height, width = self.stderr.shape
-        kept = self.provenance
         state = "" if self.complete else ", incomplete"
         error = self.stats["estimated_error"]
-        return f"<Render {width}x{height}, {kept['spp']} spp, {kept['seconds']:.2f} s, error {error:.2g}{state}>"
+        known = "error unknown" if np.isnan(error) else f"error {error:.2g}"
+        return f"<Render {width}x{height}, {_taken(self)} spp, {self.provenance['seconds']:.2f} s, {known}{state}>"
+
+
+def _taken(image: Render) -> str:
+    """Samples per pixel: taken, and asked for if these are others."""
+    asked, taken = image.provenance["spp"], image.stats["samples"] / image.stderr.size
+    if image.stats["target_reached"] is not None:
+        return f"{taken:.3g} of at most {asked}"
+    return f"{asked}" if taken == asked else f"{taken:.10g} of {asked}"
+
+
+def state_of(image: Render) -> str:
+    """What ended a render early, and the samples that its image has; "" if it is complete."""
+    if image.complete:
+        return ""
+    why = "interrupted" if image.interrupted else "time limit reached"
+    if not image.provenance["samples"]:
+        return f"{why} before the first pass over the image was complete"
+    average = " on average" if image.stats["target_reached"] is not None else ""
+    return f"{why} at {_taken(image)} samples per pixel{average}"
 
 
 def trace_layers(scene: Scene, bvh: BVH, size: tuple[int, int], window: Window) -> dict[str, NDArray[Any]]:

@@ -20,7 +20,6 @@ SHARE = 0.02  # of the time: what looks may take
 SIDE = 768  # pixels of a preview's longer side, at most
 LONG = 1 << 26  # samples: seconds; then rounds over the whole film and looks take a tenth more of the quickest scene
 QUICK = 1  # level of zlib: a third of the time, half as much again of bytes
-INTERRUPTED = "interrupted: what is finished was returned"
 
 
 def watcher_of(progress: Any) -> Watcher:
@@ -65,10 +64,10 @@ class Preview(Sketch):
             self._show(progress)
             self._next = time.perf_counter() + max(PAUSE, (time.perf_counter() - now) / SHARE)
 
-    def end(self, interrupted: bool) -> None:
-        """Make room for the picture, or tell that it is not the whole one."""
-        if self._update or interrupted:
-            self._say(INTERRUPTED if interrupted else "")
+    def end(self, state: str) -> None:
+        """Make room for the picture, or tell that it has fewer samples than were asked for."""
+        if self._update or state:
+            self._say(state)
 
     def _show(self, progress: Progress) -> None:
         if progress.stage == "rendering":

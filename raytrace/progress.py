@@ -54,5 +54,5 @@ class Watcher:
     def show(self, pixels: slice | NDArray[np.int64], shown: NDArray[np.float64]) -> None:
         """See means of pixels of the film as shown, (3, m), and more; in the thread that drew them."""
 
-    def end(self, interrupted: bool) -> None:
-        """Hear that the picture is done, or as done as it will be."""
+    def end(self, state: str) -> None:
+        """Hear that the picture is done, or with how many samples it was ended: "" if it is complete."""

@@ -1,6 +1,7 @@
 """Every record that crosses a file. Fields give shape, dtype, unit and meaning; f is float32 or float64."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -79,7 +80,6 @@ class Scene:
     """A checked scene: what ``rt.load`` returns and ``rt.render`` draws."""
 
     source: Path | None  # the file it came from; None for a dict
-    sha256: str  # hash of all content: settings, materials, lights and mesh arrays
     about: str  # one sentence for people
     camera: Camera
     settings: Settings
@@ -89,6 +89,16 @@ class Scene:
     mesh: Mesh
     objects: tuple[str, ...]  # a short name an object, for messages
     warnings: tuple[str, ...]  # what is legal but probably not meant, a line each
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of what the light does in the scene: camera, depth, background, materials, lights and mesh arrays.
+
+        A scene that ``dataclasses.replace`` makes has a hash of its own.
+        """
+        from raytrace.fingerprint import fingerprint
+
+        return fingerprint(self)
 
 
 class Hits(NamedTuple):

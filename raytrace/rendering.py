@@ -107,13 +107,15 @@ def render(
     precision = plan.precision.name if settings.precision == "auto" else settings.precision
     job, watcher = Job(scene, settings, window, precision, target), watcher_of(progress)
     check_drawing(_drawing(job, layers, count), trees_of(scene, plan, precision), max_memory)
-    layout = Layout(hasty=limit < np.inf or watcher.early(window.width * window.height * job.first_spp))
+    pixels = window.width * window.height
+    early = limit < np.inf or watcher.early(pixels * job.first_spp)
+    layout = Layout(first=1 if early else None)
     keep = checkpoint if isinstance(checkpoint, Checkpoint | None) else Checkpoint(Path(checkpoint))
     cluster = None if client is None else _cluster_of(client, job, threads)
     if cluster:
-        layout = layout._replace(at_least=cluster.pixels(window.width * window.height, settings.spp))
+        layout = cluster.layout(layout, pixels)
     if keep:
-        layout = keep.begin(job, layout)
+        layout = keep.begin(job) or layout
     run = Run(job, layout, keep, cluster, watcher)
     return run.run(count, limit, layers)
 

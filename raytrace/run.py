@@ -1,6 +1,7 @@
 """One run: parts of a picture, round after round, until all are drawn; or until a cancel, or the time limit."""
 
 import itertools
+import math
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -18,10 +19,11 @@ from raytrace.crew import Crew
 from raytrace.jit import on_compile
 from raytrace.job import Job, Layout
 from raytrace.needs import compile_ahead, picture_of
+from raytrace.pace import expected, first_pass
 from raytrace.parts import Part, pieces, rounds
 from raytrace.passes.estimate import MODELS, root_mean
-from raytrace.passes.film import MOST
-from raytrace.picture import Layers, Render, trace_layers
+from raytrace.passes.film import MOST, Frame
+from raytrace.picture import Layers, Render, state_of, trace_layers
 from raytrace.progress import Progress, Watcher
 from raytrace.records import Scene, Window
 from raytrace.stages import is_built, plan_of, stage_of
@@ -68,18 +70,35 @@ class Run:
         with on_compile(self._compile_ahead) as compiled:
             try:
                 self._hand_out = self._by_cluster(self._cluster) if self._cluster else self._by_threads(threads)
+                self._settle(threads)
                 self._drawing = time.perf_counter()
                 complete = self._draw_all() and (self.search is None or self._refine(self.search))
                 for name in layers:
                     self.layers[name]
             except KeyboardInterrupt:
-                interrupted = True
+                interrupted, whole = True, int(self.canvas.film.samples.min()) == self.job.settings.spp
+                complete = whole and not layers  # it came too late
             finally:
                 self.__dict__.pop("_hand_out", None)  # it knows this run: a circle would keep the threads' memory
                 if self.keep:
                     self.keep.close(complete)
-        self.watcher.end(interrupted)
-        return self._picture(complete, interrupted, compiled.seconds)
+        picture = self._picture(complete, interrupted, compiled.seconds)
+        self.watcher.end(state_of(picture))
+        return picture
+
+    def _settle(self, threads: int) -> None:
+        """Decide in how many passes the film is drawn."""
+        if self.layout.first is None:
+            spp, seconds = self.job.first_spp, 0.0
+            if self._cluster:
+                seconds = self._cluster.expected(len(self.canvas.at) * spp)
+            elif isinstance(self._drawers, Crew):
+                seconds = expected(self._drawers, self.canvas, spp, min(threads, parallel.thread_count(None)))
+            self.layout = self.layout._replace(first=first_pass(spp, seconds))
+        if self.keep:
+            self.keep.settle(self.layout)
+        if self.layout.first:
+            self.canvas.keep_passes()
 
     def _over(self) -> bool:
         """Whether to stop: after Ctrl-C, an error, or the time limit."""
@@ -89,20 +108,23 @@ class Run:
         """Draw round after round: a pixel's samples are summed in their order, so no tile may be in two at once."""
         spp, pixels, done = self.job.first_spp, len(self.canvas.film.samples), 0
         self.watcher.begin(self.canvas.film.samples, self.canvas.at, self.job.window)
+        at_least, work = self.layout.at_least, max(self.layout.work, BATCH)
         drawn = [
-            [Part(first, last, piece) for piece in pieces(pixels, max(self.layout.at_least, BATCH // (last - first)))]
-            for first, last in rounds(spp, self.layout.hasty)
+            [Part(first, last, piece) for piece in pieces(pixels, max(at_least, work // (last - first)))]
+            for first, last in rounds(spp, self.layout.first or 0)
         ]
         for parts in drawn:
-            if not self._draw_parts(parts, done, sum(map(len, drawn))):
+            whole = self._draw_parts(parts, done, sum(map(len, drawn)))
+            if not whole or int(self.canvas.film.samples.min()) < parts[0].last:  # time was up within the last part
                 return False
             done += len(parts)
-        return int(self.canvas.film.samples.min()) == spp
+        return True
 
     def _refine(self, search: adaptive.Search) -> bool:
         """Give more samples to pixels round after round, until the error of the picture meets the target."""
         done = 0
-        while parts := search.parts(self.layout.at_least):
+        at_least = max(self.layout.at_least, self.layout.work // self.job.settings.spp)
+        while parts := search.parts(at_least):
             if not self._draw_parts(parts, done, done + len(parts)):
                 return False
             done += len(parts)
@@ -111,6 +133,8 @@ class Run:
     def _draw_parts(self, parts: Sequence[Part], before: int, total: int) -> bool:
         numbered = list(zip(parts, self._numbers, strict=False))  # parts first: they end, and numbers go on
         left = [each for each in numbered if not self._restore(*each)]
+        if isinstance(self._drawers, Crew):
+            self._drawers.rest()
         return self._hand_out(left, partial(self._report, before + len(numbered) - len(left), total))
 
     def _by_threads(self, threads: int) -> HandOut:
@@ -123,7 +147,7 @@ class Run:
         return lambda left, report: parallel.run(draw, left, threads, self._over, report, stop)
 
     def _by_cluster(self, cluster: "Cluster") -> HandOut:
-        return lambda left, report: cluster.draw(left, self.canvas.lend, self._take, self._over, report)
+        return lambda left, report: cluster.draw(left, self.canvas.lend, self._receive, self._over, report)
 
     def _draw(self, crew: Crew, numbered: tuple[Part, int]) -> None:
         """Add samples of some pixels to the film."""
@@ -143,6 +167,12 @@ class Run:
             self.keep.add(number, sheet.sums, seconds)
         self._take_back(part, sheet, part.last)
 
+    def _receive(self, numbered: tuple[Part, int], sums: NDArray[np.float64], seconds: float) -> None:
+        """Take in a part that was drawn elsewhere."""
+        sheet = self.canvas.lend(numbered[0])
+        self.canvas.fill(numbered[0], sheet, sums)
+        self._take(numbered, sheet, seconds)
+
     def _restore(self, part: Part, number: int) -> bool:
         """Put a part on the film as it is in the checkpoint; whether it is there."""
         sums = self.keep.find(number) if self.keep else None
@@ -151,7 +181,7 @@ class Run:
         sheet = self.canvas.lend(part)
         if sums.shape != sheet.sums.shape:
             return False
-        sheet.sums[:] = sums
+        self.canvas.fill(part, sheet, sums)
         self._take_back(part, sheet, part.last)
         return True
 
@@ -180,12 +210,21 @@ class Run:
         picture = picture_of(job.scene, self.plan, job.precision, job.settings.sampler, **wants)
         compile_ahead([picture], partial(self._say, "compiling"))
 
+    def _developed(self) -> Frame:
+        """The picture after the last pass over the whole film that is complete, and all that a search added to it."""
+        spp, done = self.job.first_spp, int(self.canvas.film.samples.min())
+        if done >= spp:
+            return self.canvas.develop()
+        passes = [last for _, last in rounds(spp, self.layout.first or 0) if last <= done]
+        return self.canvas.develop(max(passes, default=0))
+
     def _picture(self, complete: bool, interrupted: bool, compile_seconds: float) -> Render:
         size, settings = self.samples.shape, self.job.settings
-        drawn = self.canvas.develop()
+        drawn = self._developed()
         self.samples[:] = drawn.samples.reshape(size)
         seconds = time.perf_counter() - self.began
-        error = root_mean(drawn.error) if self.search is None else self.search.error
+        error = self.search.error if self.search else math.nan  # of the last round that is complete
+        error = root_mean(drawn.error) if math.isnan(error) else error
         stats = {
             "seconds": seconds,
             "compile_seconds": compile_seconds,
@@ -205,7 +244,8 @@ class Run:
             "sampler": settings.sampler,
             "seed": settings.seed,
             "precision": self.job.precision,
-            "complete": int(complete),
+            "samples": int(self.samples.min()),
+            "complete": complete,
             "seconds": round(seconds, 4),
         }
         rgb, stderr = drawn.rgb.reshape(*size, 3), np.minimum(np.sqrt(drawn.variance), MOST).astype(np.float32)

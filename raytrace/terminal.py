@@ -5,13 +5,17 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
 from typing import Any, NoReturn, Protocol, Self
 
+from raytrace.files import unfinished
+
 BAR_AFTER = 0.5  # s: a picture that is done sooner needs no bar, nor the import of one
+ECHO = 0.05  # seconds: sooner nobody presses Ctrl-C again
 INTERRUPTED = 130  # exit code: 128 + SIGINT, as shells have it
-ENDING = "SIGINT", "SIGTERM", "SIGHUP"  # signals that ask a process to end; Windows lacks the last
+ENDING = "SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"  # signals that ask a process to end; the last is of Windows alone
 SHOW_CURSOR = b"\x1b[?25h"  # the bar hides it   [ECMA-48 private mode 25]
 
 
@@ -123,38 +127,81 @@ def _bar() -> Any:
     )
 
 
-@contextlib.contextmanager
-def signals_interrupt() -> Iterator[None]:
-    """Let the first signal to end raise KeyboardInterrupt, as Ctrl-C ever does, and the second end the process at once.
+class Signals:
+    """The signals to end that came.
 
-    Such are Ctrl-C, SIGTERM (``kill``, a batch system out of time) and SIGHUP (a closed terminal), which ``nohup`` has
-    ignored.
+    Parameters
+    ----------
+    echo : float, seconds
+        A second signal that comes sooner after the first is the same once more: ``timeout`` sends each of them twice.
+
+    Attributes
+    ----------
+    came : bool
+        Whether one came.
     """
 
-    def second(*_: object) -> NoReturn:
-        if at_terminal():
-            with contextlib.suppress(OSError):
-                os.write(sys.stderr.fileno(), SHOW_CURSOR)
-        os._exit(INTERRUPTED)
+    def __init__(self, echo: float) -> None:
+        self.came = self._holding = False
+        self._echo = echo
 
-    def first(*_: object) -> NoReturn:
-        for number in before:
-            signal.signal(number, second)
-        raise KeyboardInterrupt
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """Let what is done within be finished: the first signal is noted, but raises nothing."""
+        self._holding = True
+        try:
+            yield
+        finally:
+            self._holding = False
 
+    def first(self, numbers: Iterable[int]) -> None:
+        """Take the first signal."""
+        self.came, self._when = True, time.monotonic()
+        for number in numbers:
+            signal.signal(number, self._second)
+        if not self._holding:
+            raise KeyboardInterrupt
+
+    def _second(self, *_: object) -> None:
+        if time.monotonic() - self._when >= self._echo:
+            _end()
+
+
+def _end() -> NoReturn:
+    """End the process at once; what is on the disk stays, but for files that are written just now."""
+    if at_terminal():
+        with contextlib.suppress(OSError):
+            os.write(sys.stderr.fileno(), SHOW_CURSOR)
+    for path in list(unfinished):
+        with contextlib.suppress(OSError):
+            path.unlink()
+    os._exit(INTERRUPTED)
+
+
+@contextlib.contextmanager
+def signals_interrupt(echo: float = 0.0) -> Iterator[Signals]:
+    """Let the first signal to end raise KeyboardInterrupt, as Ctrl-C always does, and the second end the process.
+
+    Such are Ctrl-C, SIGTERM (``kill``, a batch system out of time) and SIGHUP (a closed terminal), which ``nohup`` has
+    ignored; on Windows Ctrl-Break, which is also what a closed console sends. After the first of them the handlers stay
+    until the process ends: so the second, however soon it comes, never finds those of before. What comes within
+    ``echo`` seconds of the first is not the second.
+    """
+    signals = Signals(echo)
     if threading.current_thread() is not threading.main_thread():  # only the main thread may set handlers
-        yield
+        yield signals
         return
     numbers = [getattr(signal, name) for name in ENDING if hasattr(signal, name)]
     before = {number: signal.getsignal(number) for number in numbers}
     before = {number: handler for number, handler in before.items() if not _is_nohup(number, handler)}
     for number in before:
-        signal.signal(number, first)
+        signal.signal(number, lambda *_: signals.first(before))
     try:
-        yield
+        yield signals
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        if not signals.came:
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
 
 def _is_nohup(number: int, handler: Any) -> bool:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import rays
+from raytrace.canvas import ALL
 from raytrace.passes.film import BINS, LUMINANCE, accumulate, bin_counts, develop, make_film, make_frame, put, taken
 
 PRECISIONS = ("float32", "float64")
@@ -72,7 +73,7 @@ def test_only_the_pixels_of_a_batch_are_touched(precision):
 
 def developed(film, at):
     picture = make_frame(len(at))
-    develop(film, at, picture)
+    develop(film, at, 0, ALL, picture)
     return picture
 
 

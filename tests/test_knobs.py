@@ -8,7 +8,7 @@ import pytest
 
 import raytrace as rt
 from raytrace import wavefront
-from raytrace.scene.make import fingerprint
+from raytrace.fingerprint import fingerprint
 from raytrace.show.knobs import Knobs, changed, refractive
 from raytrace.show.subject import make_subject
 

@@ -1,5 +1,7 @@
 """Parts of a picture: every pixel once, along a Z curve; ranges of samples without a gap."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -41,11 +43,13 @@ def test_pieces_hold_every_pixel_once(pixels, at_least, tiles):
 
 
 @pytest.mark.parametrize("spp", [1, 2, 3, 8, 100])
-@pytest.mark.parametrize("hasty", [False, True])
-def test_rounds_leave_no_sample_out(spp, hasty):
-    ranges = rounds(spp, hasty)
+@pytest.mark.parametrize("first", [0, 1, 4])
+def test_rounds_leave_no_sample_out(spp, first):
+    ranges = rounds(spp, first)
     assert [s for first, last in ranges for s in range(first, last)] == list(range(spp))
-    assert len(ranges) == (1 + (spp - 1).bit_length() if hasty else 1)
+    ends = [last for _, last in ranges]
+    assert ends[0] == (min(first, spp) or spp)
+    assert all(later == min(2 * end, spp) for end, later in pairwise(ends))
 
 
 def test_grown_parts_hold_pixels_of_one_number_of_samples_that_want_the_same():

@@ -12,6 +12,7 @@ import pytest
 
 import raytrace as rt
 from raytrace.jit import PLAIN
+from signals import default_signals
 
 ROOT = Path(__file__).parents[1]
 SCENES = [ROOT / f"scenes/{name}.json" for name in ("cornell-box-glass", "glass-sphere", "room")]
@@ -48,7 +49,8 @@ def start(tmp_path: Path, program: str, **environment: str) -> "subprocess.Popen
     environment = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
     pipe = subprocess.PIPE
     words = [sys.executable, "-W", "error", "-W", "ignore:This process:DeprecationWarning", str(path)]
-    return subprocess.Popen(words, stdout=pipe, stderr=pipe, text=True, cwd=ROOT, env=environment)
+    ready = None if os.name == "nt" else default_signals
+    return subprocess.Popen(words, stdout=pipe, stderr=pipe, text=True, cwd=ROOT, env=environment, preexec_fn=ready)
 
 
 def finish(process: "subprocess.Popen[str]") -> list[str]:

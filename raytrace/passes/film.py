@@ -40,6 +40,13 @@ def make_frame(pixels: int) -> Frame:
     return Frame(np.empty((pixels, 3), np.float32), np.empty(pixels, np.int32), *np.empty((2, pixels)))
 
 
+def blank_frame(pixels: int) -> Frame:
+    """So many pixels without a sample."""
+    frame = make_frame(pixels)
+    frame.rgb[:], frame.samples[:], frame.variance[:], frame.error[:] = 0, 0, np.nan, np.nan
+    return frame
+
+
 def make_film(pixels: int) -> Film:
     """Film of so many pixels, and as many more as fill the last packet; without a sample."""
     m = -(-pixels // PACKET) * PACKET
@@ -107,22 +114,28 @@ def accumulate(radiance, first, last, sums, begin, m):
 
 
 @kernel
-def develop(film, at, frame):
+def develop(film, at, first, most, frame):
     """Put what is known of the pixels of a film where they belong in a picture.
 
     Parameters
     ----------
     film : Film
     at : (m,) int64 array
-        Place in the picture of each of the first m pixels.
+        Place in the picture of each of m pixels.
+    first : int
+        The first of them in the film.
+    most : int
+        Pixels with more samples than this are left out.
     frame : Frame
     """
     sums, samples, variance, error = film
     rgb, numbers, variances, errors = frame
-    for i in range(len(at)):
-        j = at[i]
-        for k in range(3):
-            total = (sums[k, i] + sums[3 + k, i]) + (sums[6 + k, i] + sums[9 + k, i])
+    for k in range(len(at)):
+        i, j = first + k, at[k]
+        if samples[i] > most:
+            continue
+        for c in range(3):
+            total = (sums[c, i] + sums[3 + c, i]) + (sums[6 + c, i] + sums[9 + c, i])
             mean = total / max(samples[i], 1)
-            rgb[j, k] = np.float32(MOST if mean > MOST else mean)
+            rgb[j, c] = np.float32(MOST if mean > MOST else mean)
         numbers[j], variances[j], errors[j] = samples[i], variance[i], error[i]

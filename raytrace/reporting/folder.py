@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from raytrace.errors import FileError
-from raytrace.image import _replace
+from raytrace.files import write_whole
 
 
 def check_folder(folder: Path) -> None:
@@ -27,5 +27,5 @@ def check_folder(folder: Path) -> None:
 def write(folder: Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:
     """Write files by name, each whole or not at all; their paths."""
     for name, data in files.items():
-        _replace(folder / name, data)
+        write_whole(folder / name, data)
     return tuple(folder / name for name in files)

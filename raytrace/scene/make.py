@@ -1,6 +1,5 @@
 """From a valid scene to arrays: its meshes read and put in place, its tables, its hash."""
 
-import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ import numpy as np
 from raytrace.errors import FileError, FileMemoryError, SceneError
 from raytrace.limits import MAX_TRIANGLES
 from raytrace.memory import Allowance, Joining
-from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Lights, Materials, Mesh, RawMesh, Scene, Settings
+from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Lights, Materials, RawMesh, Scene, Settings
 from raytrace.scene import checks
 from raytrace.scene.files import Reach
 from raytrace.scene.given import MARK, read_given
@@ -61,7 +60,6 @@ def make_scene(
     render = scene.render
     return Scene(
         source=path,
-        sha256=_hash(camera, render.max_depth, background, materials, lights, mesh),
         about=scene.about,
         camera=camera,
         settings=Settings(scene.film.size, render.spp, render.max_depth, render.sampler, render.precision, render.seed),
@@ -72,11 +70,6 @@ def make_scene(
         objects=names,
         warnings=tuple(text.tell(warnings, origins)) if warnings else (),
     )
-
-
-def fingerprint(scene: Scene) -> str:
-    """The hash that a scene has, or should have: of what the light does in it."""
-    return _hash(scene.camera, scene.settings.max_depth, scene.background, scene.materials, scene.lights, scene.mesh)
 
 
 def _place_all(
@@ -155,18 +148,3 @@ def _names(scene: Any) -> tuple[str, ...]:
         counts[name] = counts.get(name, 0) + 1
         names.append(name if counts[name] == 1 else f"{name} ({counts[name]})")
     return tuple(names)
-
-
-def _hash(camera: Camera, max_depth: int, background: Any, *records: Materials | Lights | Mesh) -> str:
-    """Hash what the light does in the scene: neither names nor how it is sampled, nor where it was loaded from."""
-    digest = hashlib.sha256()
-    content = {"fov": camera.fov, "max_depth": max_depth, "background": background}
-    content |= {"position": camera.position, "look_at": camera.look_at, "up": camera.up}
-    for record in records:
-        content |= {f"{type(record).__name__}.{key}": value for key, value in record._asdict().items()}
-    for key, value in content.items():
-        if key not in ("Materials.name", "Mesh.object_id") and value is not None:
-            array = np.ascontiguousarray(value)
-            digest.update(f"{key} {array.dtype.str} {array.shape}".encode())
-            digest.update(array.astype(array.dtype.newbyteorder("<"), copy=False).data)
-    return digest.hexdigest()

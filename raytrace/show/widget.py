@@ -11,7 +11,6 @@ from raytrace.errors import RaytraceError
 from raytrace.limits import MAX_SPP
 from raytrace.records import Scene
 from raytrace.rendering import render
-from raytrace.scene.make import fingerprint
 from raytrace.show.artist import Artist, Frame
 from raytrace.show.journey import path
 from raytrace.show.knobs import Knobs, changed, refractive
@@ -84,8 +83,7 @@ class Viewer(AnyWidget):
     @property
     def scene(self) -> Scene:
         """The scene as it is shown, with size and samples: draw it with ``rt.render(viewer.scene)``."""
-        scene = self._now()
-        return replace(scene, sha256=fingerprint(scene))
+        return replace(self._now())  # which has a hash
 
     def _begin(self) -> Scene:
         """What the artist is to draw."""

@@ -1,0 +1,26 @@
+"""The hash of a scene: of what the light does in it, not of names, of how it is sampled, or of where it came from."""
+
+import hashlib
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from raytrace.records import Scene
+
+LEFT_OUT = "Materials.name", "Mesh.object_id"
+
+
+def fingerprint(scene: "Scene") -> str:
+    """SHA-256 of camera, depth, background, materials, lights and meshes, in hexadecimal digits."""
+    camera, digest = scene.camera, hashlib.sha256()
+    content = {"fov": camera.fov, "max_depth": scene.settings.max_depth, "background": scene.background}
+    content |= {"position": camera.position, "look_at": camera.look_at, "up": camera.up}
+    for record in (scene.materials, scene.lights, scene.mesh):
+        content |= {f"{type(record).__name__}.{key}": value for key, value in record._asdict().items()}
+    for key, value in content.items():
+        if key not in LEFT_OUT and value is not None:
+            array = np.ascontiguousarray(value)
+            digest.update(f"{key} {array.dtype.str} {array.shape}".encode())
+            digest.update(array.astype(array.dtype.newbyteorder("<"), copy=False).data)
+    return digest.hexdigest()
