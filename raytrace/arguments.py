@@ -1,10 +1,37 @@
 """Options of the command line: each parser of a value says what it expected and what it got."""
 
-from argparse import ArgumentParser, ArgumentTypeError
+import contextlib
+import sys
+from argparse import ArgumentParser, ArgumentTypeError, RawDescriptionHelpFormatter
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import NoReturn
 
+from raytrace import streams
+from raytrace.errors import printable
 from raytrace.limits import LAYERS
+
+
+class Parser(ArgumentParser):
+    """A parser whose help and errors fit into any stream."""
+
+    def __init__(self, program: str, about: str) -> None:
+        super().__init__(
+            prog=program, description=about, formatter_class=RawDescriptionHelpFormatter, allow_abbrev=False
+        )
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong, and leave with exit code 2."""
+        with contextlib.suppress(OSError):  # nobody reads it
+            self.print_usage(sys.stderr)
+        self.exit(2, f"{self.prog}: error: {printable(message)}")
+
+    def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
+        """Leave; what was printed, as the help, is written first."""
+        if message:
+            streams.say(message.rstrip())
+        streams.flush()
+        sys.exit(status)
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:

@@ -110,10 +110,10 @@ def test_only_one_file_compiles(name):
     assert not words & {"njit", "jit", "vectorize", "guvectorize", "prange", "jitclass"}
 
 
-@pytest.mark.parametrize("name", [name for name in FILES if name != "cli.py"])
-def test_only_the_command_line_prints(name):
+@pytest.mark.parametrize("name", FILES)
+def test_nothing_prints_but_through_streams(name):
     calls = [node.lineno for node in ast.walk(TREES[name]) if isinstance(node, ast.Name) and node.id == "print"]
-    assert not calls, f"{name}: return text, or log it"
+    assert not calls, f"{name}: return text, or use raytrace.streams"
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -170,6 +170,11 @@ def test_public_functions_stay_functions_whatever_is_imported_first(first):
     program = f"import {first}, raytrace as rt; assert all(map(callable, (rt.load, rt.render, rt.explain, rt.compare)))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, cwd=ROOT)
     assert done.returncode == 0, done.stderr
+
+
+def test_no_message_names_an_extra_of_a_package_that_no_index_has():
+    found = [name for name in FILES if "raytrace[" in (PACKAGE / name).read_text("utf-8")]
+    assert not found, "name the packages to install"
 
 
 @pytest.mark.parametrize("name", FILES)
