@@ -10,7 +10,7 @@ from raytrace.errors import FileError, SceneError
 from raytrace.scene import checks, positions, rdr
 from raytrace.scene.conform import conform
 from raytrace.scene.files import Reach, check_root, locate
-from raytrace.scene.problems import Problem, mesh_problem
+from raytrace.scene.problems import MOST, Problem, mesh_problem
 from raytrace.scene.text import from_dict, read_file
 
 if TYPE_CHECKING:
@@ -58,6 +58,8 @@ def load(source: str | Path | dict[str, Any], root: str | Path | None = None, ma
     problems: list[Problem] = []
     if rdr.is_dialect(data):
         data, origins, problems = rdr.translate(data)
+        if len(problems) > MOST:  # the translation is not whole
+            raise text.error(problems, origins)
     scene, found = _validate(data)
     if problems:  # the translator told already what lacks
         found = [problem for problem in found if not problem.text.startswith("missing key")]
@@ -87,10 +89,14 @@ def _validate(data: dict[str, Any]) -> tuple[Any, list[Problem]]:
 def _missing_meshes(data: dict[str, Any], reach: Reach) -> list[Problem]:
     """Look whether the mesh files are there, for a scene that has other problems."""
     objects = data.get("objects")
-    problems = []
+    problems: list[Problem] = []
+    located: set[str] = set()
     for i, entry in enumerate(objects if isinstance(objects, list) else []):
         mesh = entry.get("mesh") if isinstance(entry, dict) else None
-        if isinstance(mesh, str) and mesh:
+        if len(problems) > MOST:
+            break
+        if isinstance(mesh, str) and mesh and mesh not in located:
+            located.add(mesh)
             try:
                 locate(reach.find(mesh))
             except (SceneError, FileError) as error:

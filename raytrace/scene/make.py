@@ -15,7 +15,7 @@ from raytrace.scene.files import Reach
 from raytrace.scene.meshes import read_mesh
 from raytrace.scene.place import Placed, assemble, place
 from raytrace.scene.positions import Origins
-from raytrace.scene.problems import Problem, mesh_problem
+from raytrace.scene.problems import MOST, Problem, mesh_problem
 from raytrace.scene.text import Text
 
 
@@ -68,7 +68,7 @@ def make_scene(
         lights=lights,
         mesh=mesh,
         objects=names,
-        warnings=tuple(text.tell(warnings, origins)) if warnings else (),
+        warnings=text.warn(warnings, origins),
     )
 
 
@@ -84,6 +84,8 @@ def _place_all(scene: Any, reach: Reach) -> tuple[list[Placed], list[Problem]]:
     placed, problems = list[Placed](), list[Problem]()
     allowance, joining = Allowance(reach.max_memory), Joining()
     for i, entry in enumerate(scene.objects):
+        if len(problems) > MOST:
+            break
         try:
             if entry.mesh not in read:
                 read[entry.mesh] = None  # a broken file is told once
