@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from raytrace.rendering import render
     from raytrace.reporting.error import compare
     from raytrace.reporting.sweep import report
+    from raytrace.scene.demo_scene import demo
     from raytrace.scene.load import load
     from raytrace.scene.plan import explain
 
@@ -33,6 +34,7 @@ _HOME = {
     "SceneError": "errors",
     "Surface": "records",
     "compare": "reporting.error",
+    "demo": "scene.demo_scene",
     "explain": "scene.plan",
     "load": "scene.load",
     "reflect": "optics",
@@ -53,6 +55,7 @@ __all__ = [
     "SceneError",
     "Surface",
     "compare",
+    "demo",
     "explain",
     "load",
     "reflect",

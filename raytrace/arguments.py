@@ -149,10 +149,14 @@ def scene_options(parser: ArgumentParser) -> None:
     _load_options(parser)
 
 
-def _load_options(parser: ArgumentParser) -> None:
+def _memory_option(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--max-memory", type=memory, metavar="SIZE", help="bytes, as 500M or 4G (default: what is free)"
     )
+
+
+def _load_options(parser: ArgumentParser) -> None:
+    _memory_option(parser)
     text = "a folder whose files the scene may read too (default: only those below its own)"
     parser.add_argument("--root", type=Path, metavar="DIR", help=text)
 
@@ -160,6 +164,16 @@ def _load_options(parser: ArgumentParser) -> None:
 def render_options(parser: ArgumentParser) -> None:
     """Declare the options of ``render``."""
     scene_options(parser)
+    _image_options(parser)
+
+
+def demo_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``demo``: those of ``render``, without a scene."""
+    _memory_option(parser)
+    _image_options(parser)
+
+
+def _image_options(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("-o", "--output", type=Path, metavar="FILE", help=".png, .exr or .npz (default: ./<scene>.png)")
     add("--spp", type=whole_number(1), metavar="N", help="samples per pixel (default: the scene's)")

@@ -23,6 +23,7 @@ QUICK = {  # what the program has no use for, and need not wait for
 }
 EXAMPLES = """\
 examples:
+  raytrace demo                                                writes demo.png
   raytrace scenes/cornell-box.json                             writes cornell-box.png
   raytrace scene.json -o a.exr --spp 256 --aov depth,normal    more samples; linear light with layers
   raytrace explain scene.json                                  what the scene needs, and what is left out
@@ -31,7 +32,16 @@ examples:
 # render ---------------------------------------------------------------------------------------------------------------
 
 
-def _render(args: Namespace) -> int:
+def _load(args: Namespace) -> "raytrace.Scene":
+    return raytrace.load(args.scene, args.root, args.max_memory)
+
+
+def _demo(args: Namespace) -> int:
+    args.scene = Path("demo")  # which names the image
+    return _render(args, lambda _args: raytrace.demo())
+
+
+def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _load) -> int:
     from raytrace.paths import check_path
 
     began = time.perf_counter()
@@ -40,7 +50,7 @@ def _render(args: Namespace) -> int:
         raise ArgumentError(None, f"--aov: a PNG has no room for layers; use -o {path.stem}.exr or {path.stem}.npz")
     say = (lambda _line: None) if args.quiet else streams.say
     with signals_interrupt():
-        scene = raytrace.load(args.scene, args.root, args.max_memory)
+        scene = load(args)
         for warning in scene.warnings:
             say(f"warning: {warning}")
         from raytrace.delivery import checkpoint_of, connected, deliver, remarks
@@ -71,12 +81,12 @@ def _render(args: Namespace) -> int:
 
 
 def _explain(args: Namespace) -> int:
-    streams.out(str(raytrace.explain(raytrace.load(args.scene, args.root, args.max_memory))))
+    streams.out(str(raytrace.explain(_load(args))))
     return DONE
 
 
 def _check(args: Namespace) -> int:
-    scene = raytrace.load(args.scene, args.root, args.max_memory)
+    scene = _load(args)
     for warning in scene.warnings:
         streams.out(f"warning: {warning}")
     raytrace.explain(scene)  # says so where no precision holds the scene
@@ -127,7 +137,7 @@ def _report(args: Namespace) -> int:
     if not args.scene:
         raise ArgumentError(None, "report: which scene? raytrace report scene.json -o DIR (or --hard-cases)")
     with signals_interrupt():
-        scene = raytrace.load(args.scene, args.root, args.max_memory)
+        scene = _load(args)
         with Reporter(streams.say, bar=at_terminal()) as reporter:
             options = {name: getattr(args, name) for name in ("reference", "budget", "size")}
             found = report(scene, args.output, progress=reporter, **options)
@@ -175,6 +185,7 @@ class Verb(NamedTuple):
 
 VERBS = {
     "render": Verb("draw a scene; may be left out", _render, arguments.render_options),
+    "demo": Verb("draw a small scene that comes with the package", _demo, arguments.demo_options),
     "explain": Verb("show what a scene needs, what is left out, and why", _explain, arguments.scene_options),
     "check": Verb("check a scene and its meshes without drawing", _check, arguments.scene_options),
     "compare": Verb("measure how far a picture is from a reference", _compare, arguments.compare_options),

@@ -187,6 +187,7 @@ def test_every_cited_source_is_listed(name):
 def test_the_package_holds_only_what_the_wheel_needs():
     others = [path.name for path in PACKAGE.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
     assert {name for name in others if not name.endswith(".py")} == {
+        *("demo.json", "ball.ply", "dark.ply", "knot.ply", "light.ply"),
         "py.typed",
         "scene.schema.json",
         "widget.css",

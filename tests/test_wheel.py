@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 LARGEST = 1_000_000  # bytes
-KINDS = {".py", ".json", ".html", ".css", ".js", ".typed"}  # of files; no binaries, no scripts that install anything
+KINDS = {".py", ".json", ".html", ".css", ".js", ".ply", ".typed"}  # of files; no programs, nothing that installs
 pytestmark = pytest.mark.nojit
 
 
