@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from raytrace.rendering import render
     from raytrace.reporting.error import compare
     from raytrace.reporting.sweep import report
+    from raytrace.scene.demo_scene import demo
     from raytrace.scene.load import load
     from raytrace.scene.plan import explain
 
@@ -33,6 +34,7 @@ _HOME = {
     "SceneError": "errors",
     "Surface": "records",
     "compare": "reporting.error",
+    "demo": "scene.demo_scene",
     "explain": "scene.plan",
     "load": "scene.load",
     "reflect": "optics",
@@ -53,6 +55,7 @@ __all__ = [
     "SceneError",
     "Surface",
     "compare",
+    "demo",
     "explain",
     "load",
     "reflect",
@@ -65,14 +68,16 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    if name in ("show", "textbook"):  # packages with public names of their own
-        return import_module(f"{__name__}.{name}")
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:  # a type checker would take any name for one of these
+
+    def __getattr__(name: str) -> Any:
+        if name in ("show", "textbook"):  # packages with public names of their own
+            return import_module(f"{__name__}.{name}")
+        if name not in _HOME:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

@@ -1,10 +1,37 @@
 """Options of the command line: each parser of a value says what it expected and what it got."""
 
-from argparse import ArgumentParser, ArgumentTypeError
+import contextlib
+import sys
+from argparse import ArgumentParser, ArgumentTypeError, RawDescriptionHelpFormatter
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import NoReturn
 
+from raytrace import streams
+from raytrace.errors import printable
 from raytrace.limits import LAYERS
+
+
+class Parser(ArgumentParser):
+    """A parser whose help and errors fit into any stream."""
+
+    def __init__(self, program: str, about: str) -> None:
+        super().__init__(
+            prog=program, description=about, formatter_class=RawDescriptionHelpFormatter, allow_abbrev=False
+        )
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong, and leave with exit code 2."""
+        with contextlib.suppress(OSError):  # nobody reads it
+            self.print_usage(sys.stderr)
+        self.exit(2, f"{self.prog}: error: {printable(message)}")
+
+    def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
+        """Leave; what was printed, as the help, is written first."""
+        if message:
+            streams.say(message.rstrip())
+        streams.flush()
+        sys.exit(status)
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
@@ -122,10 +149,14 @@ def scene_options(parser: ArgumentParser) -> None:
     _load_options(parser)
 
 
-def _load_options(parser: ArgumentParser) -> None:
+def _memory_option(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--max-memory", type=memory, metavar="SIZE", help="bytes, as 500M or 4G (default: what is free)"
     )
+
+
+def _load_options(parser: ArgumentParser) -> None:
+    _memory_option(parser)
     text = "a folder whose files the scene may read too (default: only those below its own)"
     parser.add_argument("--root", type=Path, metavar="DIR", help=text)
 
@@ -133,6 +164,16 @@ def _load_options(parser: ArgumentParser) -> None:
 def render_options(parser: ArgumentParser) -> None:
     """Declare the options of ``render``."""
     scene_options(parser)
+    _image_options(parser)
+
+
+def demo_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``demo``: those of ``render``, without a scene."""
+    _memory_option(parser)
+    _image_options(parser)
+
+
+def _image_options(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("-o", "--output", type=Path, metavar="FILE", help=".png, .exr or .npz (default: ./<scene>.png)")
     add("--spp", type=whole_number(1), metavar="N", help="samples per pixel (default: the scene's)")

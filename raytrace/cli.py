@@ -1,4 +1,4 @@
-"""The command line: verbs, messages and exit codes. The only file that prints.
+"""The command line: verbs, messages and exit codes.
 
 Nothing heavy is imported before the command is known to need it, so ``--help`` and mistakes answer at once.
 """
@@ -6,14 +6,14 @@ Nothing heavy is imported before the command is known to need it, so ``--help`` 
 import os
 import sys
 import time
-from argparse import ArgumentError, ArgumentParser, Namespace, RawDescriptionHelpFormatter
-from collections.abc import Callable, Mapping
+from argparse import ArgumentError, ArgumentParser, Namespace
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple, TextIO
+from typing import NamedTuple
 
 import raytrace
-from raytrace import arguments
-from raytrace.errors import RaytraceError
+from raytrace import arguments, streams
+from raytrace.errors import RaytraceError, printable
 from raytrace.terminal import ECHO, INTERRUPTED, Reporter, at_terminal, signals_interrupt
 
 DONE, INTERNAL, USAGE, FILE, DIFFERENT = 0, 1, 2, 4, 5  # 3, an invalid scene, is SceneError.exit_code
@@ -23,60 +23,34 @@ QUICK = {  # what the program has no use for, and need not wait for
 }
 EXAMPLES = """\
 examples:
+  raytrace demo                                                writes demo.png
   raytrace scenes/cornell-box.json                             writes cornell-box.png
   raytrace scene.json -o a.exr --spp 256 --aov depth,normal    more samples; linear light with layers
   raytrace explain scene.json                                  what the scene needs, and what is left out
 """
 
-# Streams --------------------------------------------------------------------------------------------------------------
-
-
-def _drain(stream: TextIO) -> None:
-    """Flush; what a full disk or a reader that has gone does not take, goes nowhere."""
-    try:
-        stream.flush()
-    except OSError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-def _say(line: str) -> None:
-    """Print a message on stderr."""
-    try:
-        print(line, file=sys.stderr, flush=True)
-    except OSError:  # the reader has gone, or the terminal is closed
-        _drain(sys.stderr)
-
-
-def _print_json(value: Any) -> None:
-    import json
-    import math
-
-    def plain(value: Any) -> Any:
-        value = value.tolist() if hasattr(value, "tolist") else value  # NumPy's numbers and arrays
-        if isinstance(value, Mapping):
-            return {str(key): plain(item) for key, item in value.items()}
-        if isinstance(value, list | tuple):
-            return [plain(item) for item in value]
-        if isinstance(value, float) and not math.isfinite(value):
-            return None  # JSON has neither inf nor NaN
-        return value if isinstance(value, str | int | float | None) else str(value)
-
-    print(json.dumps(plain(value)))
-
-
 # render ---------------------------------------------------------------------------------------------------------------
 
 
-def _render(args: Namespace) -> int:
+def _load(args: Namespace) -> "raytrace.Scene":
+    return raytrace.load(args.scene, args.root, args.max_memory)
+
+
+def _demo(args: Namespace) -> int:
+    args.scene = Path("demo")  # which names the image
+    return _render(args, lambda _args: raytrace.demo())
+
+
+def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _load) -> int:
     from raytrace.paths import check_path
 
     began = time.perf_counter()
     path = check_path(args.output or f"{args.scene.stem}.png")  # before time is spent on rendering
     if args.aov and path.suffix.lower() == ".png":
         raise ArgumentError(None, f"--aov: a PNG has no room for layers; use -o {path.stem}.exr or {path.stem}.npz")
-    say = (lambda _line: None) if args.quiet else _say
+    say = (lambda _line: None) if args.quiet else streams.say
     with signals_interrupt(ECHO) as signals:
-        scene = raytrace.load(args.scene, args.root, args.max_memory)
+        scene = load(args)
         for warning in scene.warnings:
             say(f"warning: {warning}")
         from raytrace.delivery import checkpoint_of, connected, deliver, nothing, place_of, remarks
@@ -87,7 +61,7 @@ def _render(args: Namespace) -> int:
             with connected(args.cluster) as options["client"]:
                 image = raytrace.render(scene, progress=reporter, **options)
         if not image.provenance["samples"]:
-            _say(nothing(image))
+            streams.say(nothing(image))
             return INTERRUPTED
         with signals.held():  # what is drawn is written
             place = place_of(image, path)
@@ -96,12 +70,13 @@ def _render(args: Namespace) -> int:
             for line in remarks(image, reporter.last, seconds, args.target_error):
                 say(line)
             if failure or place != path:
-                _say(failure or f"{path} exists and is left as it is; the partial image is in {written}")
+                text = f"{path} exists and is left as it is; the partial image is in {written}"
+                streams.say(failure or printable(text))
             if args.json:
                 outcome = {"path": str(written), "seconds": seconds, "complete": image.complete}
-                _print_json(outcome | {"stats": image.stats, "provenance": image.provenance})
+                streams.out(streams.json_text(outcome | {"stats": image.stats, "provenance": image.provenance}))
             else:
-                print(written, flush=True)
+                streams.out(printable(written))
     return FILE if failure else INTERRUPTED if image.interrupted or signals.came else DONE
 
 
@@ -109,16 +84,16 @@ def _render(args: Namespace) -> int:
 
 
 def _explain(args: Namespace) -> int:
-    print(raytrace.explain(raytrace.load(args.scene, args.root, args.max_memory)))
+    streams.out(str(raytrace.explain(_load(args))))
     return DONE
 
 
 def _check(args: Namespace) -> int:
-    scene = raytrace.load(args.scene, args.root, args.max_memory)
+    scene = _load(args)
     for warning in scene.warnings:
-        print(f"warning: {warning}")
+        streams.out(f"warning: {warning}")
     raytrace.explain(scene)  # says so where no precision holds the scene
-    print(f"{args.scene}: ok")
+    streams.out(f"{printable(args.scene)}: ok")
     return DONE
 
 
@@ -130,16 +105,17 @@ def _compare(args: Namespace) -> int:
     except RaytraceError:
         raise
     except ValueError as error:  # of different size
-        _say(f"{args.image}, {args.reference}: {error}")
+        streams.say(printable(f"{args.image}, {args.reference}: {error}"))
         return DIFFERENT
     broken = violations(measured, Limits(**{name: getattr(args, name) for name in Limits._fields}))
     if args.json:
-        _print_json(measured._asdict() | {"violations": broken})
+        streams.out(streams.json_text(measured._asdict() | {"violations": broken}))
     else:
         for name, value in measured._asdict().items():
-            print(f"{name:<14}", *(f"{part:.6g}" for part in (value if isinstance(value, tuple) else (value,))))
+            numbers = value if isinstance(value, tuple) else (value,)
+            streams.out(f"{name:<14} {' '.join(f'{number:.6g}' for number in numbers)}")
     for line in broken:
-        _say(line)
+        streams.say(line)
     return DIFFERENT if broken else DONE
 
 
@@ -148,11 +124,11 @@ def _hard_cases(folder: Path) -> int:
     from raytrace.reporting.folder import check_folder
 
     check_folder(folder)
-    tell = (lambda name, k, n: _say(f"{k + 1}/{n} {name}")) if at_terminal() else None
+    tell = (lambda name, k, n: streams.say(f"{k + 1}/{n} {name}")) if at_terminal() else None
     outcome = hard_cases.run(progress=tell)
-    print(hard_table.text(outcome), end="\n\n")
+    streams.out(hard_table.text(outcome), end="\n\n")
     for path in hard_table.write(outcome, folder):
-        print(path)
+        streams.out(printable(path))
     return DIFFERENT if outcome.our_failures else DONE
 
 
@@ -166,20 +142,20 @@ def _report(args: Namespace) -> int:
     if not args.scene:
         raise ArgumentError(None, "report: which scene? raytrace report scene.json -o DIR (or --hard-cases)")
     with signals_interrupt():
-        scene = raytrace.load(args.scene, args.root, args.max_memory)
-        with Reporter(_say, bar=at_terminal()) as reporter:
+        scene = _load(args)
+        with Reporter(streams.say, bar=at_terminal()) as reporter:
             options = {name: getattr(args, name) for name in ("reference", "budget", "size")}
             found = report(scene, args.output, progress=reporter, **options)
-    print(found)
+    streams.out(str(found))
     for path in found.files:
-        print(path)
+        streams.out(printable(path))
     return INTERRUPTED if found.interrupted else DONE
 
 
 def _schema(_args: Namespace) -> int:
     from raytrace.scene import schema_text
 
-    print(schema_text().rstrip())
+    streams.out(schema_text().rstrip())
     return DONE
 
 
@@ -187,9 +163,9 @@ def _warmup(_args: Namespace) -> int:
     from raytrace.warmup import warmup
 
     began = time.perf_counter()
-    with Reporter(_say, bar=at_terminal()) as reporter:
+    with Reporter(streams.say, bar=at_terminal()) as reporter:
         warmup(reporter)
-    print(f"kernels ready after {time.perf_counter() - began:.1f} s")
+    streams.out(f"kernels ready after {time.perf_counter() - began:.1f} s")
     return DONE
 
 
@@ -197,7 +173,7 @@ def _doctor(_args: Namespace) -> int:
     from raytrace.doctor import findings
 
     for name, value in findings():
-        print(f"{name:<14}{value}")
+        streams.out(f"{name:<14}{value}")
     return DONE
 
 
@@ -214,6 +190,7 @@ class Verb(NamedTuple):
 
 VERBS = {
     "render": Verb("draw a scene; may be left out", _render, arguments.render_options),
+    "demo": Verb("draw a small scene that comes with the package", _demo, arguments.demo_options),
     "explain": Verb("show what a scene needs, what is left out, and why", _explain, arguments.scene_options),
     "check": Verb("check a scene and its meshes without drawing", _check, arguments.scene_options),
     "compare": Verb("measure how far a picture is from a reference", _compare, arguments.compare_options),
@@ -227,12 +204,7 @@ VERBS = {
 
 
 def _parser(name: str, verb: Verb) -> ArgumentParser:
-    parser = ArgumentParser(
-        prog="raytrace" if name == "render" else f"raytrace {name}",
-        description=verb.about,
-        formatter_class=RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
+    parser = arguments.Parser("raytrace" if name == "render" else f"raytrace {name}", verb.about)
     if name == "render":
         words = "".join(f"  {word:<10}{known.about}\n" for word, known in VERBS.items())
         parser.description = f"Draw a scene.\n\n{EXAMPLES}\nverbs (raytrace VERB --help):\n{words}"
@@ -272,31 +244,30 @@ def main(argv: list[str] | None = None) -> int:
     """
     for name, value in QUICK.items():
         os.environ.setdefault(name, value)
+    streams.prepare()
     try:
         code = _run(sys.argv[1:] if argv is None else argv)
-        sys.stdout.flush()  # a full disk or a closed pipe shows here, not at exit
+        streams.flush()  # a full disk shows here, not at exit
         return code
     except RaytraceError as error:
-        _say(str(error))
+        streams.say(str(error))
         return error.exit_code
     except MemoryError:  # less than was estimated to be free
-        _say("memory: there is not enough; take a smaller film by --size, smaller meshes, or fewer --threads")
+        streams.say("memory: there is not enough; take a smaller film by --size, smaller meshes, or fewer --threads")
         return USAGE
     except ArgumentError as error:
-        _say(f"raytrace: error: {error}")
+        streams.say(f"raytrace: error: {printable(error)}")
         return USAGE
     except KeyboardInterrupt:
-        _say("interrupted; nothing was saved")
+        streams.say("interrupted; nothing was saved")
         return INTERRUPTED
-    except BrokenPipeError:  # the reader of stdout has seen enough
-        _drain(sys.stdout)
-        return DONE
     except OSError as error:
-        _drain(sys.stdout)
-        _say(f"{error.filename or 'output'}: {error.strerror or error}")
+        streams.discard(sys.stdout)
+        streams.say(printable(f"{error.filename or 'output'}: {error.strerror or error}"))
         return FILE
     except Exception as error:
         if os.environ.get("RAYTRACE_DEBUG"):
             raise
-        _say(f"internal failure: {type(error).__name__}: {error}; please report it (RAYTRACE_DEBUG=1 shows where)")
+        what = printable(f"{type(error).__name__}: {error}")
+        streams.say(f"internal failure: {what}; please report it (RAYTRACE_DEBUG=1 shows where)")
         return INTERNAL

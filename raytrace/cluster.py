@@ -61,7 +61,7 @@ def connect(address: str) -> "Client":
         from distributed import Client
         from distributed.comm import resolve_address
     except ImportError:
-        raise OptionError('cluster: needs Dask: pip install "raytrace[cluster]"') from None
+        raise OptionError("cluster: needs Dask: pip install distributed") from None
     try:
         resolve_address(address)  # a client that can't do that is not easily got rid of
         return Client(address, set_as_default=False, name="raytrace")

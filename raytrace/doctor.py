@@ -14,7 +14,7 @@ from raytrace import cores
 from raytrace.errors import FileError
 
 REQUIRED = ("numpy", "numba", "llvmlite", "pydantic", "pillow", "platformdirs", "rich")
-OPTIONAL = {"OpenEXR": "exr", "scikit-image": "report", "matplotlib": "report"}  # package: the extra that brings it
+OPTIONAL = {"OpenEXR": "EXR files", "scikit-image": "compare, report", "matplotlib": "report, rt.show"}  # what for
 
 
 def _version(package: str) -> str | None:
@@ -96,7 +96,7 @@ def findings() -> Iterator[tuple[str, str]]:
     yield "system", platform.platform()
     for package in REQUIRED:
         yield package, _version(package) or "NOT installed"
-    for package, extra in OPTIONAL.items():
-        yield package, _version(package) or f'not installed (optional: pip install "raytrace[{extra}]")'
+    for package, use in OPTIONAL.items():
+        yield package, _version(package) or f"not installed (for {use}: pip install {package})"
     yield "cores", _cores()
     yield from _kernels()

@@ -57,11 +57,20 @@ def shortened(text: str, most: int = 60) -> str:
 
 
 def printable(text: Any) -> str:
-    r"""Write what can't be printed in one line as escapes.
+    r"""Write what can't be printed in one line as escapes, so that a terminal obeys no text.
 
     Examples
     --------
     >>> printable("two\nlines")
     'two\\nlines'
     """
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))
+    text = str(text)
+    return text if text.isprintable() else "".join(map(_printable, text))
+
+
+def _printable(c: str) -> str:
+    from unicodedata import category
+
+    if c.isprintable() or category(c) == "Zs":  # spaces of other widths
+        return c
+    return c.encode("unicode_escape").decode()

@@ -113,10 +113,10 @@ def test_only_the_compiler_and_its_fallback_compile(name):
     assert not words & {"njit", "jit", "vectorize", "guvectorize", "prange", "jitclass"}
 
 
-@pytest.mark.parametrize("name", [name for name in FILES if name != "cli.py"])
-def test_only_the_command_line_prints(name):
+@pytest.mark.parametrize("name", FILES)
+def test_nothing_prints_but_through_streams(name):
     calls = [node.lineno for node in ast.walk(TREES[name]) if isinstance(node, ast.Name) and node.id == "print"]
-    assert not calls, f"{name}: return text, or log it"
+    assert not calls, f"{name}: return text, or use raytrace.streams"
 
 
 @pytest.mark.parametrize("name", [name for name in FILES if name not in DRAWN_IN_TURN])
@@ -175,6 +175,11 @@ def test_public_functions_stay_functions_whatever_is_imported_first(first):
     assert done.returncode == 0, done.stderr
 
 
+def test_no_message_names_an_extra_of_a_package_that_no_index_has():
+    found = [name for name in FILES if "raytrace[" in (PACKAGE / name).read_text("utf-8")]
+    assert not found, "name the packages to install"
+
+
 @pytest.mark.parametrize("name", FILES)
 def test_every_cited_source_is_listed(name):
     cited = re.findall(r"\[([A-Z][A-Za-z]+[0-9]{3,4})(?:, [^]]*)?\]", (PACKAGE / name).read_text("utf-8"))
@@ -184,4 +189,10 @@ def test_every_cited_source_is_listed(name):
 
 def test_the_package_holds_only_what_the_wheel_needs():
     others = [path.name for path in PACKAGE.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
-    assert {name for name in others if not name.endswith(".py")} == {"scene.schema.json", "widget.css", "widget.js"}
+    assert {name for name in others if not name.endswith(".py")} == {
+        *("demo.json", "ball.ply", "dark.ply", "knot.ply", "light.ply"),
+        "py.typed",
+        "scene.schema.json",
+        "widget.css",
+        "widget.js",
+    }

@@ -15,8 +15,8 @@ def test_versions_processor_and_cache_are_named():
 
 
 def test_a_missing_extra_says_how_to_get_it(monkeypatch):
-    monkeypatch.setattr(doctor, "OPTIONAL", {"no-such-package": "exr"})
-    assert dict(doctor.findings())["no-such-package"] == 'not installed (optional: pip install "raytrace[exr]")'
+    monkeypatch.setattr(doctor, "OPTIONAL", {"no-such-package": "EXR files"})
+    assert dict(doctor.findings())["no-such-package"] == "not installed (for EXR files: pip install no-such-package)"
 
 
 def test_a_machine_without_a_working_compiler_is_described_all_the_same(monkeypatch):

@@ -175,9 +175,9 @@ def test_what_cannot_be_compared_is_a_clear_error():
             compare(wrong, b)
 
 
-def test_without_scikit_image_the_message_names_the_extra(monkeypatch):
+def test_without_scikit_image_the_message_names_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "skimage.metrics", None)
-    with pytest.raises(RaytraceError, match=r'pip install "raytrace\[report\]"'):
+    with pytest.raises(RaytraceError, match="pip install scikit-image"):
         compare(*pair())
 
 

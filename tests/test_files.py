@@ -159,7 +159,7 @@ def test_a_dict_reads_below_the_current_folder_and_what_a_program_names_by_a_pat
 
 def test_what_is_no_regular_file_is_not_opened(tmp_path):
     os.mkfifo(tmp_path / "pipe.obj")
-    with pytest.raises(FileError, match=r"pipe\.obj: no regular file"):
+    with pytest.raises(FileError, match=r"pipe\.obj: a FIFO, no regular file"):
         rt.load(write(tmp_path, of("pipe.obj")))
 
 

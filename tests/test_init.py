@@ -41,7 +41,7 @@ HEAVY = {
     "OpenEXR",
     "rich",
 }
-FUNCTIONS = {"load", "render", "explain", "compare", "reflect", "refract", "report", "spawn_ray"}
+FUNCTIONS = {"load", "render", "explain", "compare", "demo", "reflect", "refract", "report", "spawn_ray"}
 CLASSES = {"BVH", "Render", "Scene", "Hits", "Surface", "RaytraceError", "SceneError", "FileError", "OptionError"}
 ROOMS = {"show", "textbook"}
 SUBMODULES = [

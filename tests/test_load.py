@@ -1,6 +1,7 @@
 """Scene files to scenes, and everything that can be wrong with one."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -357,3 +358,35 @@ def test_scene_of_obj_meshes_does_not_import_trimesh(tmp_path):
     path = write(tmp_path, scene())
     code = f"import sys; from raytrace.scene.load import load; load({str(path)!r}); sys.exit('trimesh' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[1])
+
+
+# Files that are no files ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFOs here")
+def test_a_fifo_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "scene.json")
+    (tmp_path / "link.json").symlink_to(tmp_path / "scene.json")
+    for name in ("scene.json", "link.json"):
+        with pytest.raises(FileError, match=f"{name}: a FIFO, no regular file; name a scene file"):
+            load(tmp_path / name)
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="no /proc here")
+@pytest.mark.parametrize("name", ["/proc/self/environ", "/dev/null", "/dev/fd/0"])
+def test_what_the_system_makes_up_is_no_scene(name, tmp_path):
+    with pytest.raises(FileError):
+        load(name)
+
+
+def test_a_pointer_of_git_lfs_says_how_to_get_the_file(tmp_path):
+    path = tmp_path / "scene.json"
+    path.write_text(f"version https://git-lfs.github.com/spec/v1\noid sha256:{'0' * 64}\nsize 1\n")
+    with pytest.raises(FileError, match="a Git LFS pointer; fetch the file: git lfs pull"):
+        load(path)
+
+
+def test_a_file_below_a_file_is_not_there(tmp_path):
+    (tmp_path / "a.json").touch()
+    with pytest.raises(FileError, match=r"b\.json: no such file; there is no folder"):
+        load(tmp_path / "a.json" / "b.json")

@@ -41,6 +41,15 @@ def test_points_without_error_or_fit_are_no_problem():
     assert len(plots(points, [True], [], "black")) == 4
 
 
+@pytest.mark.parametrize(
+    "name", [r"$\frac{$", "$x$", "a_b^c$_", r"\N{SNOWMAN}", "\N{CJK UNIFIED IDEOGRAPH-7BB1}", "#%{}~"]
+)
+def test_no_name_is_a_formula(name):
+    points = curve(SOBOL, lambda n: 0.1 / n, 0.1)
+    files = plots(points, pareto(points), orders_of(points), name)
+    assert f"<!-- {name} -->" in files["error-against-time.svg"].decode()  # matplotlib notes each text that it draws
+
+
 def test_no_window_system_is_asked_for():
     program = """
 import sys
@@ -53,9 +62,9 @@ assert "matplotlib.pyplot" not in sys.modules
     assert done.returncode == 0, done.stderr
 
 
-def test_without_matplotlib_the_message_names_the_extra(monkeypatch):
+def test_without_matplotlib_the_message_names_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(RaytraceError, match=r'pip install "raytrace\[report\]"'):
+    with pytest.raises(RaytraceError, match="pip install matplotlib scikit-image"):
         check_matplotlib()
 
 

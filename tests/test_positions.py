@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from raytrace.scene.positions import Positions, scan, show
+from raytrace.scene.positions import Positions, doubtful, find, show, too_deep
 
 TEXT = """{
   "camera": {"fov": 19.5, "up": [0, 1,
@@ -33,46 +33,62 @@ def place(found: Positions, path: tuple) -> tuple[int, int]:
         (("objects", 1, "mesh"), (5, 43)),
         (("objects", 1, "missing"), (5, 34)),
         (("objects", 7, "mesh"), (5, 14)),
+        (("camera", "fov", "deeper"), (2, 21)),
+        (("objects", "0"), (5, 14)),
+        (("camera", 0), (2, 13)),
     ],
 )
 def test_value_is_found_or_the_nearest_container(path, line_column):
-    assert place(scan(TEXT), path) == line_column
+    assert place(find(TEXT, [path]), path) == line_column
 
 
 def test_key_is_found_where_there_is_one():
-    found = scan(TEXT)
+    found = find(TEXT, [("objects", 1, "mesh")])
     assert found.line_column(found.key(("objects", 1, "mesh"))) == (5, 35)
     assert found.line_column(found.key(("objects", 1))) == (5, 34)
 
 
+def test_only_what_is_asked_for_is_kept():
+    found = find(TEXT, [("objects", 1, "mesh"), ("camera", "missing")])
+    assert set(found.values) == {(), ("camera",), ("objects",), ("objects", 1), ("objects", 1, "mesh")}
+    assert set(found.keys) == {("camera",), ("objects",), ("objects", 1, "mesh")}
+
+
 def test_columns_count_characters():
-    found = scan('{"käse 🧀": 1}')
-    assert place(found, ("käse 🧀",)) == (1, 12)
+    path = ("käse 🧀",)
+    assert place(find('{"käse 🧀": 1}', [path]), path) == (1, 12)
 
 
 def test_windows_line_ends_count_once():
-    assert place(scan('{\r\n "a": 1}'), ("a",)) == (2, 7)
+    assert place(find('{\r\n "a": 1}', [("a",)]), ("a",)) == (2, 7)
+
+
+def test_white_space_may_stand_anywhere():
+    text = ' \t{ \r\n"a" : [ 1 , [ ] , { } , 2 ] , "b" : 3 } \n'
+    found = find(text, [("a", 3), ("b",)])
+    assert (text[found.value(("a", 3))], text[found.value(("b",))]) == ("2", "3")
 
 
 def test_repeated_keys_are_told_at_the_second():
-    found = scan('{"a": {"x": 1, "y": 2, "x": 3}, "b": [{"x": 1}, {"x": 1}]}')
-    assert found.repeated == [(("a", "x"), 23)]
+    text = '{"a": {"x": 1, "y": 2, "x": 3}, "b": [{"x": 1}, {"x": 1}], "\\u0061": 1}'
+    assert list(doubtful(text)) == [(23, ("a", "x"), ""), (text.index('"\\u'), ("a",), "")]
 
 
 def test_numbers_that_are_not_finite_are_told():
-    found = scan('[NaN, 1, 1e999, -Infinity, true, null, "NaN", 1e308, -1e-999]')
-    assert found.infinite == [((0,), "NaN"), ((2,), "1e999"), ((3,), "-Infinity")]
+    found = list(doubtful('[NaN, 1, 1e999, -Infinity, true, null, "NaN", 1e308, -1e-999]'))
+    assert found == [(1, (0,), "NaN"), (9, (2,), "1e999"), (16, (3,), "-Infinity")]
 
 
-def test_deeper_than_the_recursion_limit_is_walked():
-    depth = 3_000
-    found = scan("[" * depth + "]" * depth, max_depth=10**6)
-    assert found.value((0,) * (depth - 1)) == depth - 1
+def test_a_number_of_many_digits_is_skipped():
+    text = f"[{'1' * 10_000}, 0.{'1' * 10_000}, 5]"
+    assert text[find(text, [(2,)]).value((2,))] == "5"
 
 
-def test_what_lies_too_deep_is_not_looked_at():
-    found = scan("[" * 1_000_000, max_depth=5)
-    assert max(found.values.values()) == 5
+def test_what_lies_too_deep_is_found_without_recursion():
+    assert too_deep("[" * 3_000 + "]" * 3_000, 3_000) == -1
+    assert too_deep("[" * 1_000_000, 5) == 5
+    assert too_deep('{"[[[": {"\\"{": [0]}}', 3) == -1
+    assert too_deep('[[], [], [[]], "["]', 2) == 10
 
 
 def random_json(rng: np.random.Generator, depth: int) -> object:
@@ -96,8 +112,9 @@ def test_every_path_of_any_text_leads_to_its_value(seed):
     rng = np.random.default_rng(seed)
     data = {"root": random_json(rng, 5)}
     text = json.dumps(data, indent=int(rng.integers(4)) or None)
-    found = scan(text)
+    found = find(text, [path for path, _ in walk(data)])
     assert set(found.values) == {path for path, _ in walk(data)}
+    assert list(doubtful(text)) == []
     for path, value in walk(data):
         assert json.JSONDecoder().raw_decode(text, found.values[path])[0] == value
 
@@ -108,3 +125,5 @@ def test_paths_are_written_the_way_people_do():
     assert show(("materials", "red wall", "albedo", 0)) == 'materials["red wall"].albedo[0]'
     assert show(("$schema",)) == '["$schema"]'
     assert show(("line\nbreak",)) == '["line\\nbreak"]'
+    assert len(show(("k" * 10**6,))) == 200
+    assert len(show((" k" * 10**6,) * 1000)) < 500

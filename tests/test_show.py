@@ -75,9 +75,9 @@ def test_an_ending_that_is_not_known_is_told(tmp_path, drawing):
         drawing.save(tmp_path / "a.pdf")
 
 
-def test_without_matplotlib_the_message_names_the_extra(monkeypatch):
+def test_without_matplotlib_the_message_names_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(RaytraceError, match=r'pip install "raytrace\[report\]"'):
+    with pytest.raises(RaytraceError, match="pip install matplotlib scikit-image"):
         rt.show.samples("sobol", 16)
 
 

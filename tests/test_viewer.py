@@ -94,10 +94,10 @@ def test_what_can_not_be_shown_is_told():
         rt.show.live(FILE, spp=0)
 
 
-def test_without_anywidget_the_message_names_the_extra(monkeypatch):
+def test_without_anywidget_the_message_names_the_package(monkeypatch):
     monkeypatch.delitem(sys.modules, "raytrace.show.widget", raising=False)
     monkeypatch.setitem(sys.modules, "anywidget", None)
-    with pytest.raises(RaytraceError, match=r'pip install "raytrace\[notebook\]"'):
+    with pytest.raises(RaytraceError, match="pip install anywidget"):
         rt.show.live(FILE)
 
 

@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 LARGEST = 1_000_000  # bytes
-KINDS = {".py", ".json", ".html", ".css", ".js", ".typed"}  # of files; no binaries, no scripts that install anything
+KINDS = {".py", ".json", ".html", ".css", ".js", ".ply", ".typed"}  # of files; no programs, nothing that installs
 pytestmark = pytest.mark.nojit
 
 
@@ -52,7 +52,10 @@ def test_nothing_runs_when_it_is_installed_or_python_starts(wheel):
     for name in ("setup.py", "setup.cfg", "hatch_build.py"):
         assert not (ROOT / name).exists()
     project = (ROOT / "pyproject.toml").read_text("utf-8")
-    assert "hooks" not in project  # hatch's code at build time
+    hooks = set(re.findall(r"hooks\.[\w-]+", project))
+    assert hooks == {
+        "hooks.fancy-pypi-readme"
+    }  # code at build time: it makes the README fit for an index, by data alone
     assert 'requires = ["hatchling' in project
     entries = configparser.ConfigParser(delimiters="=")
     entries.read_file(io.StringIO(of(wheel, r"entry_points\.txt").decode()))
@@ -60,6 +63,31 @@ def test_nothing_runs_when_it_is_installed_or_python_starts(wheel):
         "console_scripts": {"raytrace": "raytrace.cli:main"},
         "pytest11": {"raytrace-golden": "raytrace.golden.plugin"},
     }
+
+
+def test_the_description_has_no_link_into_the_folder(wheel):
+    about = message_from_bytes(of(wheel, "METADATA"))
+    text = about.get_payload()
+    assert about["Description-Content-Type"] == "text/markdown"
+    assert text.startswith("# raytrace\n")
+    links = re.findall(r"\]\(([^)]*)\)", text) + re.findall(r"(?:src|href)=\"([^\"]*)", text)
+    assert [link for link in links if not link.startswith("https://")] == []
+    assert "![" not in text
+    assert re.findall(r"^\|", text, re.MULTILINE) == []  # nothing of the tables of images is left
+    assert "docs/start.md: from nothing to a scene" in text
+    for heading in re.findall(r"^## .*", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE):
+        assert heading in text
+
+
+def test_its_classifiers_say_where_it_runs_and_that_it_is_typed(wheel):
+    told = message_from_bytes(of(wheel, "METADATA")).get_all("Classifier")
+    assert "raytrace/py.typed" in wheel
+    assert {"Typing :: Typed", "Operating System :: POSIX :: Linux"} <= set(told)
+    assert "Operating System :: OS Independent" not in told
+    versions = [
+        line.rpartition(" ")[2] for line in told if re.fullmatch(r"Programming Language :: Python :: 3\.\d+", line)
+    ]
+    assert versions == ["3.11", "3.12", "3.13", "3.14"]
 
 
 def test_its_licence_and_what_it_needs_are_told(wheel):

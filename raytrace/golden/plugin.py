@@ -47,7 +47,7 @@ def pytest_configure(config: pytest.Config) -> None:
 def raytrace_golden(request: pytest.FixtureRequest) -> Iterator["Golden"]:
     """Compare pictures with golden ones: ``golden.check(image, "name")``."""
     if find_spec("skimage") is None:
-        pytest.fail('the fixture golden needs scikit-image: pip install "raytrace[golden]"', pytrace=False)
+        pytest.fail("the fixture golden needs scikit-image: pip install scikit-image", pytrace=False)
     from raytrace.golden.check import Golden
     from raytrace.golden.place import Place, relative
 

@@ -168,7 +168,7 @@ def _similarity(a: NDArray[np.floating], b: NDArray[np.floating]) -> tuple[float
     try:
         from skimage.metrics import structural_similarity  # 0.2 s: only where pictures are compared
     except ImportError:
-        raise RaytraceError('comparing pictures needs scikit-image: pip install "raytrace[report]"') from None
+        raise RaytraceError("comparing pictures needs scikit-image: pip install scikit-image") from None
     codes = [screen(a), screen(b)]
     margin = SSIM_RADIUS if min(a.shape[:2]) <= 2 * SSIM_RADIUS else 0
     if margin:

@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from raytrace.errors import FileError
+from raytrace.errors import FileError, printable
 from raytrace.files import write_whole
 
 
@@ -19,9 +19,9 @@ def check_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise FileError(f"{folder}: can't be made: {error.strerror}; choose another folder") from error
+        raise FileError(f"{printable(folder)}: can't be made: {error.strerror}; choose another folder") from error
     if not os.access(folder, os.W_OK):
-        raise FileError(f"{folder}: no permission to write there; choose another folder")
+        raise FileError(f"{printable(folder)}: no permission to write there; choose another folder")
 
 
 def write(folder: Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:

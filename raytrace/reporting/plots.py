@@ -1,7 +1,9 @@
 """Plots of a sweep, by matplotlib: error against time with the Pareto front, and error against samples."""
 
+import contextlib
 import io
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -20,6 +22,7 @@ STYLE: Any = {
     "axes.grid": True,
     "grid.alpha": 0.3,
     "svg.hashsalt": "raytrace",
+    "text.parse_math": False,  # "$" in a name is no formula
 }
 
 
@@ -34,7 +37,15 @@ def check_matplotlib() -> None:
     try:
         import matplotlib as mpl  # noqa: F401
     except ImportError:
-        raise RaytraceError('a report needs matplotlib: pip install "raytrace[report]"') from None
+        raise RaytraceError("a report needs matplotlib: pip install matplotlib scikit-image") from None
+
+
+@contextlib.contextmanager
+def without_glyphs() -> Iterator[None]:
+    """Draw characters that matplotlib's font lacks as boxes, without a warning for each."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"Glyph .* missing from", UserWarning)
+        yield
 
 
 def plots(points: Sequence[Point], front: Sequence[bool], orders: Sequence[Order], title: str) -> dict[str, bytes]:
@@ -53,7 +64,8 @@ def plots(points: Sequence[Point], front: Sequence[bool], orders: Sequence[Order
             for kind in ("png", "svg"):
                 stream = io.BytesIO()
                 metadata = {"Date": None} if kind == "svg" else {"Software": None}  # the same plot, the same bytes
-                figure.savefig(stream, format=kind, dpi=DPI, metadata=metadata)
+                with without_glyphs():
+                    figure.savefig(stream, format=kind, dpi=DPI, metadata=metadata)
                 files[f"{name}.{kind}"] = stream.getvalue()
     return files
 

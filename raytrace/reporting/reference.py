@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace import image
-from raytrace.errors import FileError, OptionError
+from raytrace.errors import FileError, OptionError, printable
 from raytrace.limits import MAX_SEED, MAX_SPP
 from raytrace.native.store import cache_folder
 from raytrace.progress import Progress
@@ -57,7 +57,7 @@ def read_reference(path: Path, size: tuple[int, int]) -> Reference:
     rgb = image.load(path).rgb
     if rgb.shape[:2] != size[::-1]:
         raise OptionError(
-            f"reference: {path} has {rgb.shape[1]}x{rgb.shape[0]} pixels, the film {size[0]}x{size[1]}; "
+            f"reference: {printable(path)} has {rgb.shape[1]}x{rgb.shape[0]} pixels, the film {size[0]}x{size[1]}; "
             "draw it anew, or set the size"
         )
     return Reference(rgb, math.nan, math.nan, 0, 0.0, str(path))

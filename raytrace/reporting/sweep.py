@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import raytrace
-from raytrace.errors import OptionError
+from raytrace.errors import OptionError, printable
 from raytrace.image import srgb8
 from raytrace.options import override
 from raytrace.parallel import thread_count
@@ -223,8 +223,8 @@ def written(
 
 def _about(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
     return {
-        "name": scene.source.stem if scene.source else "scene",
-        "about": scene.about,
+        "name": printable(scene.source.stem) if scene.source else "scene",
+        "about": printable(scene.about),
         "sha256": scene.sha256,
         "size": list(size),
         "triangles": len(scene.mesh.faces),

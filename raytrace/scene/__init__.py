@@ -1,6 +1,6 @@
 """From a scene file to arrays: the format, its errors, its meshes."""
 
-from pathlib import Path
+from pkgutil import get_data
 
 
 def schema_text() -> str:
@@ -11,4 +11,4 @@ def schema_text() -> str:
     >>> schema_text().startswith("{")
     True
     """
-    return Path(__file__).with_name("scene.schema.json").read_text("utf-8")
+    return (get_data(__name__, "scene.schema.json") or b"").decode()  # from a zip as well

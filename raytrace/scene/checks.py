@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from raytrace.scene.problems import MOST, Problem, unknown_name
+from raytrace.scene.problems import HINTED, MOST, Problem, unknown_name
 
 # sine of the angle between up and the view direction; the film's axes lose 1e-16 / PARALLEL of their direction
 PARALLEL = 1e-6
@@ -74,9 +74,10 @@ def check(data: dict[str, Any]) -> list[Problem]:
     for i, entry in enumerate(objects if isinstance(objects, list) else []):
         if len(problems) > MOST:
             break
+        hint = len(problems) < HINTED
         name = entry.get("material") if isinstance(entry, dict) else None
         if isinstance(name, str) and isinstance(materials, dict) and name not in materials:
-            problems.append(Problem(("objects", i, "material"), unknown_name("material", name, materials)))
+            problems.append(Problem(("objects", i, "material"), unknown_name("material", name, materials, hint)))
         axis = _vector(entry.get("rotate"), "axis") if isinstance(entry, dict) else None
         if axis is not None and not any(axis):
             text = "the axis has no direction; expected a vector other than 0"
@@ -97,10 +98,10 @@ def warn(data: dict[str, Any]) -> list[Problem]:
     list of Problem
     """
     found = []
+    if not data.get("lights"):
+        found.append(Problem(("lights",), "no lights: all surfaces will be black"))
     used = {entry["material"] for entry in data["objects"]}
     for name in data["materials"]:
         if name not in used:
             found.append(Problem(("materials", name), "no object uses this material", at_key=True))
-    if not data.get("lights"):
-        found.append(Problem(("lights",), "no lights: all surfaces will be black"))
     return found

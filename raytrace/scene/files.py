@@ -7,6 +7,7 @@ from pathlib import Path, PureWindowsPath
 from typing import NamedTuple
 
 from raytrace.errors import FileError, SceneError, printable, shortened
+from raytrace.files import check_regular
 from raytrace.limits import MAX_MESH
 from raytrace.scene.problems import no_such_file
 
@@ -97,14 +98,11 @@ def locate(path: Path) -> None:
         There is no such file, or it is a directory, a pipe or a device, or too large.
     """
     try:
-        if path.is_dir():
-            raise FileError(f"{path}: a directory; name a mesh file in it")
-        if not path.exists():
-            raise FileError(no_such_file(path))
-        if not path.is_file():
-            raise FileError(f"{path}: no regular file; name a mesh file")
+        check_regular(path, "a mesh file")
     except FileError:
         raise
+    except (FileNotFoundError, NotADirectoryError):
+        raise FileError(no_such_file(path)) from None
     except OSError as error:
         raise FileError(f"{path}: can't be read: {error.strerror or error}") from None
     if format_of(path) not in FORMATS + OTHERS:

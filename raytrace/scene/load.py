@@ -70,6 +70,8 @@ def load(source: str | Path | dict[str, Any], root: str | Path | None = None, ma
     problems: list[Problem] = []
     if rdr.is_dialect(data):
         data, origins, problems = rdr.translate(data)
+        if len(problems) > MOST:  # the translation is not whole
+            raise text.error(problems, origins)
     scene, found = _validate(data)
     if problems:  # the translator told already what lacks
         found = [problem for problem in found if not problem.text.startswith("missing key")]
@@ -99,12 +101,14 @@ def _validate(data: dict[str, Any]) -> tuple[Any, list[Problem]]:
 def _missing_meshes(data: dict[str, Any], reach: Reach, given: Mapping[str, Any]) -> list[Problem]:
     """Look whether the mesh files are there, for a scene that has other problems."""
     objects = data.get("objects")
-    problems = list[Problem]()
+    problems: list[Problem] = []
+    located: set[str] = set()
     for i, entry in enumerate(objects if isinstance(objects, list) else []):
         if len(problems) > MOST:
             break
         mesh = entry.get("mesh") if isinstance(entry, dict) else None
-        if isinstance(mesh, str) and mesh and mesh not in given:
+        if isinstance(mesh, str) and mesh and mesh not in given and mesh not in located:
+            located.add(mesh)
             try:
                 locate(reach.find(mesh))
             except (SceneError, FileError) as error:

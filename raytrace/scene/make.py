@@ -68,7 +68,7 @@ def make_scene(
         lights=lights,
         mesh=mesh,
         objects=names,
-        warnings=tuple(text.tell(warnings, origins)) if warnings else (),
+        warnings=text.warn(warnings, origins),
     )
 
 

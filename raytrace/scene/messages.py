@@ -6,6 +6,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from raytrace.scene import schema
+from raytrace.scene.first_errors import first_errors
 from raytrace.scene.positions import Path
 from raytrace.scene.problems import MOST, Problem, at, nearest, quote, unknown_key, unknown_name
 
@@ -91,7 +92,7 @@ def tell(error: ValidationError, data: Any) -> list[Problem]:
         In pydantic's order; several numbers that lack in one list are one problem, and so are a misspelt key and the
         lack of the right one.
     """
-    errors = error.errors(include_url=False)[: MOST + 1]
+    errors = first_errors(error, data).errors(include_url=False)[: MOST + 1]
     # a number that lacks is an error each; the last one of a list stands for all
     lacking = {entry["loc"][:-1]: entry for entry in errors if entry["type"] == "missing"}
     unknown = [entry["loc"] for entry in errors if entry["type"] == "extra_forbidden"]

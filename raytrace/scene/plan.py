@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from raytrace.errors import printable
 from raytrace.records import REFRACTIVE, Scene
 from raytrace.scene.precision import Precision, choose_precision
 
@@ -37,7 +38,11 @@ class Plan:
     left_out: tuple[tuple[str, str], ...]
 
     def __str__(self) -> str:
-        lines = [self.about, f"holds      {self.holds}", f"precision  {self.precision.name}: {self.precision.why}"]
+        lines = [
+            printable(self.about),
+            f"holds      {self.holds}",
+            f"precision  {self.precision.name}: {self.precision.why}",
+        ]
         lines += [*_table("passes", self.passes), *_table("left out", self.left_out)]
         return "\n".join(line for line in lines if line)
 

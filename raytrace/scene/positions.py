@@ -1,30 +1,33 @@
-"""Where things stand in a JSON text: the line and column of every path. Run only after a problem was found.
+"""Where things stand in a JSON text: the line and column of a path. Run only after a problem was found.
 
-The scanner keeps its own stack, so that a text nested deeper than Python's recursion limit can be walked too.
+Each function takes time and memory linear in the size of the text.
 """
 
 import json
 import math
 import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 Path = tuple[str | int, ...]  # ("objects", 1, "mesh"): keys and indices from the root
 Origins = dict[Path, Path]  # of parts that were translated -> where they stand in the text
 
-TOKEN = re.compile(
-    r'[ \t\r\n]*(?:(?P<string>"[^"\\]*(?:\\.[^"\\]*)*")|(?P<mark>[{}\[\],:])|(?P<word>[^ \t\r\n"{}\[\],:]+))'
-)
+STRING = r'"[^"\\]*(?:\\.[^"\\]*)*"'
+SPACE = re.compile(r"[ \t\r\n]*")
+# a blank is a token: as an optional beginning of others, a long run without one after it would be tried from each place
+TOKEN = re.compile(rf'[ \t\r\n]+|(?P<string>{STRING})|(?P<mark>[{{}}\[\],:])|(?P<word>[^ \t\r\n"{{}}\[\],:]+)')
+BRACKET = re.compile(rf"{STRING}|(?P<open>[{{\[])|(?P<close>[}}\]])")
+LONGEST_STEP = 200  # characters of a key that are shown
 
 
 @dataclass
 class Positions:
-    """Offsets of the parts of a JSON text, and what only the text can tell."""
+    """Offsets of parts of a JSON text."""
 
     text: str
     values: dict[Path, int] = field(default_factory=dict)  # path -> offset of its value
     keys: dict[Path, int] = field(default_factory=dict)  # path -> offset of its key, the last one if repeated
-    repeated: list[tuple[Path, int]] = field(default_factory=list)  # keys that stood there before, with their offset
-    infinite: list[tuple[Path, str]] = field(default_factory=list)  # numbers that are NaN or no finite float64
 
     def value(self, path: Path) -> int:
         """Return the offset of the value at a path, or of the nearest container that is there."""
@@ -41,6 +44,127 @@ class Positions:
         return self.text.count("\n", 0, offset) + 1, offset - self.text.rfind("\n", 0, offset)
 
 
+def find(text: str, paths: Iterable[Path]) -> Positions:
+    r"""Find where parts of a JSON text stand, and the containers that they lie in.
+
+    Parameters
+    ----------
+    text : str
+        JSON that ``json.loads`` accepts.
+    paths : iterable of tuple
+        Parts to find; those that are not there are left out.
+
+    Returns
+    -------
+    Positions
+
+    Examples
+    --------
+    >>> where = find('{"a": [1,\n 2]}', [("a", 1)])
+    >>> where.line_column(where.value(("a", 1)))
+    (2, 2)
+    """
+    wanted: dict[str | int, Any] = {}  # a tree of steps
+    for path in paths:
+        node = wanted
+        for step in path:
+            node = node.setdefault(step, {})
+    finder = _Finder(text)
+    finder.walk(finder.after_space(0), (), wanted)
+    return finder.found
+
+
+class _Finder:
+    """Walks to the wanted parts of a text; the json module, which is quick, skips the others."""
+
+    def __init__(self, text: str) -> None:
+        self.found = Positions(text)
+        self._text = text
+        # numbers become their lengths: a whole number of many digits would be refused
+        decoder = json.JSONDecoder(object_pairs_hook=len, parse_float=len, parse_int=len, parse_constant=len)
+        self._decode = decoder.raw_decode
+
+    def after_space(self, offset: int) -> int:
+        """Skip white space."""
+        return SPACE.match(self._text, offset).end()  # type: ignore[union-attr]  # it matches nothing, too
+
+    def walk(self, offset: int, path: Path, wanted: dict[str | int, Any]) -> int:
+        """Note where a value and its wanted parts stand; the offset after it."""
+        self.found.values[path] = offset
+        kind = self._text[offset]
+        if not wanted or kind not in "{[":
+            return self._decode(self._text, offset)[1]
+        offset = self.after_space(offset + 1)
+        index = -1
+        while self._text[offset] not in "}]":
+            index, start = index + 1, offset
+            step: str | int = index
+            if kind == "{":
+                step, offset = self._decode(self._text, offset)
+                offset = self.after_space(self.after_space(offset) + 1)  # the colon
+            if step in wanted:
+                inner = (*path, step)
+                if kind == "{":
+                    self.found.keys[inner] = start
+                offset = self.walk(offset, inner, wanted[step])
+            else:
+                offset = self._decode(self._text, offset)[1]
+            offset = self.after_space(offset)
+            if self._text[offset] == ",":
+                offset = self.after_space(offset + 1)
+        return offset + 1
+
+
+def doubtful(text: str) -> Iterator[tuple[int, Path, str]]:
+    """Find keys that stood before in their object, and numbers that are NaN or no finite float64.
+
+    Parameters
+    ----------
+    text : str
+        JSON that ``json.loads`` accepts.
+
+    Yields
+    ------
+    offset : int
+    path : tuple
+    word : str
+        The number; "" for a key.
+
+    Examples
+    --------
+    >>> list(doubtful('{"a": NaN, "a": 1}'))
+    [(6, ('a',), 'NaN'), (11, ('a',), '')]
+    """
+    steps: list[str | int] = []  # one a container that is open: the key or index that it has come to
+    seen: list[set[str]] = []  # and its keys
+    at_key = False
+    for token in TOKEN.finditer(text):
+        kind = token.lastgroup
+        if kind is None:  # white space
+            continue
+        word = token[kind]
+        if at_key and kind == "string":
+            steps[-1] = key = json.loads(word)
+            if key in seen[-1]:
+                yield token.start(), tuple(steps), ""
+            seen[-1].add(key)
+            at_key = False
+        elif word == ",":
+            last = steps[-1]
+            at_key = isinstance(last, str)
+            steps[-1] = last if isinstance(last, str) else last + 1
+        elif word in ("}", "]"):
+            steps.pop()
+            seen.pop()
+            at_key = False
+        elif word in ("{", "["):
+            steps.append("" if word == "{" else 0)
+            seen.append(set())
+            at_key = word == "{"
+        elif kind == "word" and not _is_finite(word):
+            yield token.start(), tuple(steps), word
+
+
 def _is_finite(word: str) -> bool:
     if word in ("true", "false", "null"):
         return True
@@ -50,57 +174,23 @@ def _is_finite(word: str) -> bool:
         return False
 
 
-def scan(text: str, max_depth: int = 1000) -> Positions:
-    r"""Find where everything in a JSON text stands.
-
-    Parameters
-    ----------
-    text : str
-        JSON that ``json.loads`` accepts, or would accept if it were nested less deeply.
-    max_depth : int
-        What lies deeper than this is not looked at.
-
-    Returns
-    -------
-    Positions
+def too_deep(text: str, most: int) -> int:
+    """Return the offset of the first list or object nested more than `most` deep, or -1.
 
     Examples
     --------
-    >>> where = scan('{"a": [1,\n 2]}')
-    >>> where.line_column(where.value(("a", 1)))
-    (2, 2)
+    >>> too_deep('["[", [0]]', 2), too_deep('["[", [0]]', 1)
+    (-1, 6)
     """
-    found = Positions(text)
-    steps: list[str | int] = []  # one a container that is open: the key or index that it has come to
-    at_key = False
-    for token in TOKEN.finditer(text):
-        kind, word = token.lastgroup or "", token[token.lastgroup or 0]
-        offset = token.start(kind)
-        if at_key and kind == "string":
-            steps[-1] = json.loads(word)
-            path = tuple(steps)
-            if path in found.keys:
-                found.repeated.append((path, offset))
-            found.keys[path] = offset
-            at_key = False
-        elif word == ",":
-            last = steps[-1]
-            at_key = isinstance(last, str)
-            steps[-1] = last if isinstance(last, str) else last + 1
-        elif word in ("}", "]"):
-            steps.pop()
-            at_key = False
-        elif word != ":":
-            path = tuple(steps)
-            found.values[path] = offset
-            if kind == "word" and not _is_finite(word):
-                found.infinite.append((path, word))
-            if word in ("{", "["):
-                if len(steps) == max_depth:
-                    break
-                steps.append("" if word == "{" else 0)
-                at_key = word == "{"
-    return found
+    depth = 0
+    for bracket in BRACKET.finditer(text):
+        if bracket.lastgroup == "open":
+            if depth == most:
+                return bracket.start()
+            depth += 1
+        elif bracket.lastgroup == "close":
+            depth -= 1
+    return -1
 
 
 def show(path: Path) -> str:
@@ -113,8 +203,12 @@ def show(path: Path) -> str:
     """
     text = ""
     for step in path:
+        if isinstance(step, str):
+            step = step[:LONGEST_STEP]
         if isinstance(step, str) and step.isidentifier():
             text += f".{step}"
         else:
             text += f"[{json.dumps(step, ensure_ascii=False)}]"
+        if len(text) > LONGEST_STEP:
+            break
     return text.removeprefix(".")

@@ -3,7 +3,8 @@
 import difflib
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Iterator
+from itertools import islice
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
@@ -13,6 +14,9 @@ from raytrace.scene.positions import Path
 MOST = 100  # problems that are told of one scene
 MAX_PATH = 300  # characters of a path that are told
 SEARCHED = 1000  # names that are compared with a misspelt one
+HINTED = 10  # misspelt names that are compared with as many as that
+LISTED = 20  # names that a message lists
+LONGEST = 100  # characters of a name that are compared or listed
 
 
 class Problem(NamedTuple):
@@ -43,39 +47,57 @@ def quote(value: Any) -> str:
         return "an object"
     if isinstance(value, list):
         return f"a list of {len(value)}"
-    text = json.dumps(value, ensure_ascii=False)
-    return shortened(text)
+    if isinstance(value, str):
+        value = value[:LONGEST]
+    return shortened(json.dumps(value, ensure_ascii=False))
 
 
 def nearest(word: Any, known: Iterable[str]) -> str | None:
     """Return the known name that is spelt most like a word, or None where none is near.
+
+    Of many names the first `SEARCHED` are compared, and of long ones the beginning.
 
     Examples
     --------
     >>> nearest("albeedo", ["type", "albedo"])
     'albedo'
     """
-    return next(iter(difflib.get_close_matches(str(word)[:100], list(known)[:SEARCHED], n=1)), None)
+    names = {name[:LONGEST]: name for name in islice(known, SEARCHED)}
+    close = difflib.get_close_matches(str(word)[:LONGEST], names, n=1)
+    return names[close[0]] if close else None
 
 
-def _hint(word: Any, known: list[str]) -> str:
+def _hint(word: Any, known: Iterable[str]) -> str:
     close = nearest(word, known)
     return "" if close is None else f"; did you mean {quote(close)}?"
 
 
-def unknown_name(kind: str, word: Any, known: Iterable[str]) -> str:
-    """Word a name that is none of those known.
+def listed(known: Collection[str]) -> str:
+    """Write names with commas, the first `LISTED` where there are many.
+
+    Examples
+    --------
+    >>> listed(["type", "albedo"])
+    'type, albedo'
+    """
+    names = [shortened(name, LONGEST) for name in islice(known, LISTED)]
+    more = len(known) - len(names)
+    return ", ".join(names) + (f" and {more:,} more" if more else "")
+
+
+def unknown_name(kind: str, word: Any, known: Collection[str], hint: bool = True) -> str:
+    """Word a name that is none of those known; with a suggestion, unless there were many already.
 
     Examples
     --------
     >>> unknown_name("material", "glas", ["white", "glass"])
     'unknown material "glas"; did you mean "glass"? (known: white, glass)'
     """
-    names = list(known)
-    return f"unknown {kind} {quote(word)}{_hint(word, names)} (known: {', '.join(names) or 'none'})"
+    suggestion = _hint(word, known) if hint else ""
+    return f"unknown {kind} {quote(word)}{suggestion} (known: {listed(known) or 'none'})"
 
 
-def unknown_key(key: str, known: Iterable[str]) -> str:
+def unknown_key(key: str, known: Collection[str]) -> str:
     """Word a key that the format does not have.
 
     Examples
@@ -85,8 +107,7 @@ def unknown_key(key: str, known: Iterable[str]) -> str:
     >>> unknown_key("colour", ["type", "albedo"])
     'unknown key "colour" (known: type, albedo)'
     """
-    names = list(known)
-    return f"unknown key {quote(key)}" + (_hint(key, names) or f" (known: {', '.join(names)})")
+    return f"unknown key {quote(key)}" + (_hint(key, known) or f" (known: {listed(known)})")
 
 
 def at(data: Any, path: Path) -> Any:
@@ -104,7 +125,7 @@ def no_such_file(path: FilePath) -> str:
         return printable(f'{name}: no such file, but there is "{alike}"; upper and lower case differ')
     if not path.parent.is_dir():
         return printable(f"{name}: no such file; there is no folder {name.removesuffix(path.name).rstrip(os.sep)}")
-    return printable(f"{name}: no such file{_hint(path.name, [entry.name for entry in path.parent.iterdir()])}")
+    return printable(f"{name}: no such file{_hint(path.name, _names(path.parent))}")
 
 
 def _other_case(path: FilePath) -> str:
@@ -129,3 +150,8 @@ def _folded(name: str) -> str:
     import unicodedata
 
     return unicodedata.normalize("NFC", name.casefold())
+
+
+def _names(folder: FilePath) -> Iterator[str]:
+    with os.scandir(folder) as entries:
+        yield from (entry.name for entry in islice(entries, SEARCHED))

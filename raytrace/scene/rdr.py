@@ -5,10 +5,11 @@ format can't say is a problem that names it. The meshes' own normals (``vn``) ar
 agree with the winding of the triangles, half of the meshes have none, and flat shading is right for both.
 """
 
+import contextlib
 from typing import Any
 
 from raytrace.scene.positions import Path
-from raytrace.scene.problems import Problem, quote, unknown_key, unknown_name
+from raytrace.scene.problems import HINTED, MOST, Problem, quote, unknown_key, unknown_name
 
 Json = dict[str, Any]
 
@@ -27,6 +28,10 @@ def is_dialect(data: Json) -> bool:
     return "integrator" in data or "textures" in data or named
 
 
+class _EnoughError(Exception):
+    """More problems than are told."""
+
+
 class _Translation:
     """A scene in the making: the translated form, where each part of it came from, and what could not be said."""
 
@@ -38,6 +43,8 @@ class _Translation:
 
     def blame(self, path: Path, text: str, at_key: bool = False) -> None:
         self.problems.append(Problem(path, text, at_key))
+        if len(self.problems) > MOST:
+            raise _EnoughError
 
     def section(self, path: Path, value: Any, required: tuple[str, ...], optional: tuple[str, ...] = ()) -> Json:
         """Return an object of the dialect after a look at its keys; where it is none, an empty one."""
@@ -82,6 +89,12 @@ def translate(data: Json) -> tuple[Json, dict[Path, Path], list[Problem]]:
         What the format can't say, and keys that lack, at paths of the dialect.
     """
     t = _Translation(data)
+    with contextlib.suppress(_EnoughError):
+        _sections(t, data)
+    return t.scene, t.origins, t.problems
+
+
+def _sections(t: _Translation, data: Json) -> None:
     t.section((), data, ("integrator", "camera", "materials", "objects"), ("about", "film", "textures"))
     t.scene = {"about": data["about"]} if "about" in data else {}
     if "integrator" in data:
@@ -95,7 +108,6 @@ def translate(data: Json) -> tuple[Json, dict[Path, Path], list[Problem]]:
         t.scene["film"] = t.copy(("film",), ("film",), {"resolution": "size"})
     t.scene["materials"] = _materials(t, data.get("materials", {}), data.get("textures", {}))
     t.scene["objects"] = _objects(t, data.get("objects", []))
-    return t.scene, t.origins, t.problems
 
 
 def _integrator(t: _Translation, integrator: Any) -> None:
@@ -136,7 +148,7 @@ def _material(t: _Translation, name: str, entry: Any, textures: Json) -> Json:
         t.section(here, entry, ("type", "texture_name"))
         texture = entry.get("texture_name")
         if texture is not None and (not isinstance(texture, str) or texture not in textures):
-            t.blame((*here, "texture_name"), unknown_name("texture", texture, textures))
+            t.blame((*here, "texture_name"), unknown_name("texture", texture, textures, len(t.problems) < HINTED))
         elif texture is not None:
             moved = t.copy(("textures", texture), here, {"color": "albedo"})
             return {"type": "diffuse", **moved} if moved else stand_in

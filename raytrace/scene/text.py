@@ -4,10 +4,12 @@ import json
 import math
 import os
 from collections.abc import Collection, Iterable, Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Any, NoReturn
 
 from raytrace.errors import FileError, FileMemoryError, SceneError, printable, shortened
+from raytrace.files import open_regular
 from raytrace.limits import MAX_SCENE
 from raytrace.misnamed import ENCODED, is_utf16, mistaken
 from raytrace.scene import positions
@@ -15,7 +17,9 @@ from raytrace.scene.given import take_meshes
 from raytrace.scene.problems import MOST, Problem, no_such_file, quote
 
 MAX_NESTING = 100  # the format itself needs 4
+TOO_DEEP = f"nested more than {MAX_NESTING} deep; no part of a scene is"
 MAX_TEXT = 500  # characters of what is told of a problem
+LFS = b"version https://git-lfs.github.com/spec/"  # how a pointer begins
 MAX_DIGITS = 300  # of whole numbers; the largest float64 has 309
 SYNTAX = {  # what the json module says -> what to do
     "Expecting value": "expected a value; is there a comma too many?",
@@ -76,25 +80,41 @@ class Text:
         list of str
             ``file:line:column: path: what is wrong, and the fix``.
         """
-        where = positions.scan(self.text)
-        placed = []
+        problems = list(problems)
+        paths = []
         for problem in problems:
             cut = next((n for n in range(len(problem.path), 0, -1) if problem.path[:n] in origins), 0)
-            path = (*origins.get(problem.path[:cut], problem.path[:cut]), *problem.path[cut:])
+            paths.append((*origins.get(problem.path[:cut], problem.path[:cut]), *problem.path[cut:]))
+        where = positions.find(self.text, paths)
+        placed = []
+        for problem, path in zip(problems, paths, strict=True):
             offset = where.key(path) if problem.at_key else where.value(path)
             placed.append((offset, self._line(where, offset, path, problem.text)))
         return [line for _, line in sorted(placed, key=lambda pair: pair[0])]
 
+    def warn(self, warnings: list[Problem], origins: positions.Origins) -> tuple[str, ...]:
+        """Return lines for the first `MOST` warnings, and one for the others."""
+        lines = self.tell(warnings[:MOST], origins) if warnings else []
+        if len(warnings) > MOST:
+            lines.append(f"{self.name}: and {len(warnings) - MOST:,} more warnings")
+        return tuple(lines)
+
     def error(self, problems: list[Problem], origins: positions.Origins) -> SceneError | FileError:
         """Make one error of all problems: one of files where nothing else is wrong."""
+        deep = positions.too_deep(self.text, MAX_NESTING)  # the parser took it, but what finds the problems may not
+        if deep >= 0:
+            return SceneError([self._line(positions.Positions(self.text), deep, (), TOO_DEEP)])
         lines = self.tell(problems[:MOST], origins)
         if len(problems) > MOST:
-            lines.append(f"{self.name}: and more: these are the first {MOST}")
+            lines.append(self._more())
         if all(problem.lacks_memory for problem in problems):
             return FileMemoryError("\n".join(lines))
         if all(problem.unreadable for problem in problems):
             return FileError("\n".join(lines))
         return SceneError(lines)
+
+    def _more(self) -> str:
+        return f"{self.name}: and more: these are the first {MOST}"
 
     def _line(self, where: positions.Positions, offset: int, path: positions.Path, text: str) -> str:
         place = ":".join(map(str, (self.name, *where.line_column(offset)))) if self.in_file else self.name
@@ -106,11 +126,22 @@ class Text:
 
     def _refuse_half_characters(self) -> None:
         for token in positions.TOKEN.finditer(self.text):
+            if token.lastgroup != "string":
+                continue
             try:
-                json.loads(token["string"] or '""').encode()
+                json.loads(token["string"]).encode()
             except UnicodeEncodeError:
                 text = "half of a character (a lone \\ud...) in this string; write the whole character"
                 self._refuse(token.start("string"), text)
+
+    def _refuse_doubtful(self) -> NoReturn:
+        where = positions.Positions(self.text)
+        lines = []
+        for offset, path, word in islice(positions.doubtful(self.text), MOST + 1):
+            key = f"repeated key {quote(path[-1])}; keep one"
+            text = f"expected a finite number, got {shortened(word)}" if word else key
+            lines.append(self._line(where, offset, path, text))
+        raise SceneError([*lines[:MOST], self._more()] if len(lines) > MOST else lines)
 
     def parse(self) -> dict[str, Any]:
         """Return the scene as JSON types.
@@ -120,18 +151,18 @@ class Text:
         SceneError
             The text is no JSON, or holds repeated keys or numbers that are not finite, or is no object.
         """
-        doubtful: list[Any] = []  # what the parser can't place; the scan, run only then, can
+        doubtful = False  # what the parser can't place; the scan, run only then, can
 
         def join(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+            nonlocal doubtful
             joined = dict(pairs)
-            if len(joined) < len(pairs):
-                doubtful.append(pairs)
+            doubtful = doubtful or len(joined) < len(pairs)
             return joined
 
         def number(word: str) -> float | int:
+            nonlocal doubtful
             value = int(word) if len(word) <= MAX_DIGITS and word.lstrip("-").isdigit() else float(word)
-            if not math.isfinite(value):
-                doubtful.append(word)
+            doubtful = doubtful or not math.isfinite(value)
             return value
 
         try:
@@ -141,14 +172,9 @@ class Text:
         except json.JSONDecodeError as error:
             self._refuse(error.pos, f"no JSON: {SYNTAX.get(error.msg, error.msg)}")
         except RecursionError:
-            deepest = max(positions.scan(self.text, MAX_NESTING).values.values())
-            self._refuse(deepest, f"nested more than {MAX_NESTING} deep; no part of a scene is")
+            self._refuse(positions.too_deep(self.text, MAX_NESTING), TOO_DEEP)
         if doubtful:
-            where = positions.scan(self.text)
-            problems = [Problem(path, f"repeated key {quote(path[-1])}; keep one", True) for path, _ in where.repeated]
-            infinite = [(path, shortened(word)) for path, word in where.infinite]
-            problems += [Problem(path, f"expected a finite number, got {word}") for path, word in infinite]
-            raise self.error(problems, {})
+            self._refuse_doubtful()
         if "\\ud" in self.text.lower():
             self._refuse_half_characters()
         if not isinstance(data, dict):
@@ -178,23 +204,22 @@ def read_file(path: Path) -> Text:
     SceneError
         It is not UTF-8.
     FileError
-        It is missing, a directory, too large or can't be read.
+        It is missing, no regular file, too large or can't be read.
     """
     name = printable(path)
     try:
-        if path.is_dir():
-            raise FileError(f"{name}: a directory; name a scene file in it")
-        if not path.exists():
-            raise FileError(no_such_file(path))
-        if not path.is_file():
-            raise FileError(f"{name}: no regular file; name a scene file")
-        if path.stat().st_size > MAX_SCENE:
-            raise FileError(f"{name}: more than {MAX_SCENE} bytes; a scene file only names its meshes")
-        data = path.read_bytes()
+        with open_regular(path, "a scene file") as file:
+            data = file.read(MAX_SCENE + 1)
     except FileError:
         raise
+    except (FileNotFoundError, NotADirectoryError):
+        raise FileError(no_such_file(path)) from None
     except OSError as error:
         raise FileError(f"{name}: can't be read: {error.strerror or error}") from None
+    if len(data) > MAX_SCENE:
+        raise FileError(f"{name}: more than {MAX_SCENE} bytes; a scene file only names its meshes")
+    if data.startswith(LFS):
+        raise FileError(f"{name}: a Git LFS pointer; fetch the file: git lfs pull")
     return Text(name, _decode(name, data), in_file=True)
 
 
@@ -225,6 +250,6 @@ def from_dict(scene: dict[str, Any]) -> Text:
         scene, meshes = take_meshes(scene)
         return Text("scene", json.dumps(scene, default=plain), False, trusted, meshes)
     except RecursionError:
-        raise SceneError([f"scene: nested more than {MAX_NESTING} deep; no part of a scene is"]) from None
+        raise SceneError([f"scene: {TOO_DEEP}"]) from None
     except (TypeError, ValueError) as error:
         raise SceneError([f"scene: {str(error)[:1].lower()}{str(error)[1:]}"]) from None

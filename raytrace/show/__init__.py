@@ -1,8 +1,8 @@
 """Pictures of the algorithm, as ``rt.show``: what the tree, a ray, a sampler and an error look like.
 
 Each function returns a ``Drawing``: it shows itself in a notebook, saves itself as PNG or SVG, and holds the numbers
-that it shows. They need matplotlib: ``pip install "raytrace[report]"``. ``live`` is a widget, and needs anywidget:
-``pip install "raytrace[notebook]"``.
+that it shows. They need matplotlib: ``pip install matplotlib scikit-image``. ``live`` is a widget, and needs
+anywidget: ``pip install anywidget``.
 """
 
 from importlib import import_module

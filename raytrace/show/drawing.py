@@ -8,8 +8,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from raytrace.errors import FileError, RaytraceError
+from raytrace.errors import FileError, RaytraceError, printable
 from raytrace.reporting.folder import check_folder, write
+from raytrace.reporting.plots import without_glyphs
 
 DPI = 160  # dots per inch of a PNG
 SHOWN = 80  # of them per inch of a notebook, so that screens with small pixels show all
@@ -21,6 +22,7 @@ STYLE: Any = {
     "axes.spines.right": False,
     "legend.frameon": False,
     "svg.hashsalt": "raytrace",
+    "text.parse_math": False,  # "$" in a name is no formula
 }
 # told apart by the colour-blind   [Okabe2008]
 BLACK, ORANGE, SKY, GREEN = "#000000", "#e69f00", "#56b4e9", "#009e73"
@@ -79,7 +81,7 @@ class Drawing:
         path = Path(path)
         kind = path.suffix.lower()[1:]
         if kind not in ("png", "svg"):
-            raise FileError(f"{path}: unknown kind of drawing {path.suffix!r}; use .png or .svg")
+            raise FileError(f"{printable(path)}: unknown kind of drawing {path.suffix!r}; use .png or .svg")
         check_folder(path.parent)
         return write(path.parent, {path.name: self.encode(kind)})[0]
 
@@ -89,7 +91,7 @@ class Drawing:
 
         stream = io.BytesIO()
         metadata = {"Date": None} if kind == "svg" else {"Software": None}
-        with mpl.rc_context(STYLE):
+        with mpl.rc_context(STYLE), without_glyphs():
             self.figure.savefig(stream, format=kind, dpi=DPI, metadata=metadata, facecolor="white")
         return stream.getvalue()
 
@@ -111,7 +113,7 @@ def sheet(width: float, height: float) -> Iterator[Any]:
         import matplotlib as mpl
         from matplotlib.figure import Figure  # without pyplot: no window system is asked for
     except ImportError:
-        raise RaytraceError('rt.show needs matplotlib: pip install "raytrace[report]"') from None
+        raise RaytraceError("rt.show needs matplotlib: pip install matplotlib scikit-image") from None
     with mpl.rc_context(STYLE):
         yield Figure((width, height), layout="constrained")
 

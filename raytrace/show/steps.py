@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.accel.lanes import PACKET
+from raytrace.errors import printable
 from raytrace.passes.sampling import make_sampler
 from raytrace.records import REFRACTIVE, Batch, Columns
 from raytrace.show.subject import Subject
@@ -133,7 +134,7 @@ def _step(subject: Subject, ray: _Met, onward: NDArray[np.floating] | None) -> S
     else:
         event = "lands" if front or scene.materials.two_sided[row] else "meets the back: black"
     out = np.nan if onward is None else _degrees(abs(onward @ ns))
-    name = scene.materials.name[row]
+    name = printable(scene.materials.name[row])
     angle = _degrees(-d @ ns * side)
     return Step(o, d, float(t), int(prim_id), p, side * ng, side * ns, name, event, onward, float(eta), angle, out)
 

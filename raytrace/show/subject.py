@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.accel.bvh import BVH
+from raytrace.errors import printable
 from raytrace.options import override
 from raytrace.passes.camera import make_view
 from raytrace.records import Scene, Settings, View
@@ -37,7 +38,7 @@ def make_subject(scene: AnyScene, size: tuple[int, int] | None = None) -> Subjec
     plan = make_plan(scene)
     precision = plan.precision.name if settings.precision == "auto" else settings.precision
     view = make_view(scene.camera, settings.size, np.dtype(precision))
-    name = scene.source.stem if scene.source else "scene"
+    name = printable(scene.source.stem) if scene.source else "scene"
     return Subject(name, scene, settings, stage_of(scene, plan, precision), view)
 
 

@@ -57,7 +57,7 @@ def live(scene: AnyScene, *, size: tuple[int, int] | None = None, spp: int = 64)
     try:
         from raytrace.show.widget import Viewer
     except ImportError:
-        raise RaytraceError('rt.show.live needs anywidget: pip install "raytrace[notebook]"') from None
+        raise RaytraceError("rt.show.live needs anywidget: pip install anywidget") from None
     if not isinstance(scene, Scene):
         scene = load(scene)
     if size is None:

@@ -145,7 +145,7 @@ def available() -> tuple[list[type], dict[str, str]]:
         try:
             import_module(peer.module)
         except ImportError as error:
-            missing[peer.name] = f"not installed ({error}); pip install raytrace[bench]"
+            missing[peer.name] = f"not installed ({error}); in the clone: pip install '.[bench]'"
             continue
         if peer is Mitsuba and "DRJIT_LIBLLVM_PATH" not in os.environ:  # some versions of LLVM abort the process
             missing[peer.name] = "DRJIT_LIBLLVM_PATH does not name a libLLVM; version 19 works"
