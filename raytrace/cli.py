@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TextIO
 
 import raytrace
 from raytrace import arguments
-from raytrace.errors import RaytraceError
+from raytrace.errors import RaytraceError, without_scene_warnings
 from raytrace.terminal import INTERRUPTED, Reporter, at_terminal, signals_interrupt
 
 DONE, INTERNAL, USAGE, FILE, DIFFERENT = 0, 1, 2, 4, 5  # 3, an invalid scene, is SceneError.exit_code
@@ -75,12 +75,13 @@ def _render(args: Namespace) -> int:
     if args.aov and path.suffix.lower() == ".png":
         raise ArgumentError(None, f"--aov: a PNG has no room for layers; use -o {path.stem}.exr or {path.stem}.npz")
     say = (lambda _line: None) if args.quiet else _say
-    with signals_interrupt():
+    with signals_interrupt(), without_scene_warnings():  # they are printed here, with the place in the file
         scene = raytrace.load(args.scene, args.root, args.max_memory)
-        for warning in scene.warnings:
-            say(f"warning: {warning}")
         from raytrace.delivery import checkpoint_of, connected, deliver, remarks
+        from raytrace.scene.checks import warnings_of
 
+        for warning in warnings_of(scene, args.precision):
+            say(f"warning: {warning}")
         with Reporter(say, bar=at_terminal() and not args.quiet) as reporter:
             options = {key: getattr(args, key) for key in arguments.RENDER_OPTIONS}
             options["checkpoint"] = checkpoint_of(path, args.resume, say)
@@ -161,7 +162,7 @@ def _report(args: Namespace) -> int:
         return _hard_cases(args.output)
     if not args.scene:
         raise ArgumentError(None, "report: which scene? raytrace report scene.json -o DIR (or --hard-cases)")
-    with signals_interrupt():
+    with signals_interrupt(), without_scene_warnings():  # they are printed here, with the place in the file
         scene = raytrace.load(args.scene, args.root, args.max_memory)
         with Reporter(_say, bar=at_terminal()) as reporter:
             options = {name: getattr(args, name) for name in ("reference", "budget", "size")}

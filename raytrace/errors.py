@@ -1,5 +1,8 @@
 """The mistakes a user can make, each with the exit code that the command line gives it; texts that fit in a line."""
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 
@@ -35,6 +38,18 @@ class OptionError(RaytraceError, ValueError):
     """An option of a call or of the command line that can't be met: ``option: what is wrong``."""
 
     exit_code = 2
+
+
+class SceneWarning(UserWarning):
+    """A scene that is legal, but whose image is probably not what was meant: two of its surfaces coincide, say."""
+
+
+@contextmanager
+def without_scene_warnings() -> Iterator[None]:
+    """Ignore every ``SceneWarning``, for callers that print a scene's warnings themselves."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SceneWarning)
+        yield
 
 
 def shortened(text: str, most: int = 60) -> str:

@@ -83,6 +83,11 @@ class Scene:
     objects: tuple[str, ...]  # a short name an object, for messages
     warnings: tuple[str, ...]  # what is legal but probably not meant, a line each
 
+    @property
+    def refractive(self) -> bool:
+        """Whether there is a refractive material."""
+        return bool((self.materials.kind == REFRACTIVE).any())
+
 
 class Hits(NamedTuple):
     """Nearest hits, a row a ray: p = (1 - u - v) v0 + u v1 + v v2."""

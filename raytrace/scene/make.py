@@ -1,6 +1,7 @@
 """From a valid scene to arrays: its meshes read and put in place, its tables, its hash."""
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +58,7 @@ def make_scene(
         flux=np.array([light.flux for light in scene.lights]).reshape(-1, 3),
     )
     render = scene.render
-    return Scene(
+    made = Scene(
         source=path,
         sha256=_hash(camera, render.max_depth, background, materials, lights, mesh),
         about=scene.about,
@@ -68,8 +69,14 @@ def make_scene(
         lights=lights,
         mesh=mesh,
         objects=names,
-        warnings=tuple(text.tell(warnings, origins)) if warnings else (),
+        warnings=(),
     )
+    if made.refractive:
+        from raytrace.scene.coincident import MOST, chosen_coincidences
+
+        for found in chosen_coincidences(made)[:MOST]:
+            warnings.append(Problem(("objects", found.first), found.text(names)))
+    return replace(made, warnings=tuple(text.tell(warnings, origins))) if warnings else made
 
 
 def fingerprint(scene: Scene) -> str:

@@ -24,6 +24,8 @@ class Plan:
         Name and cost driver of each pass that runs, in order.
     left_out : tuple of (str, str)
         What does not run or is not stored, and why.
+    warnings : tuple of str
+        What is legal but probably not meant, as in ``Scene.warnings``.
     """
 
     about: str
@@ -35,10 +37,12 @@ class Plan:
     lights: int
     passes: tuple[tuple[str, str], ...]
     left_out: tuple[tuple[str, str], ...]
+    warnings: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         lines = [self.about, f"holds      {self.holds}", f"precision  {self.precision.name}: {self.precision.why}"]
         lines += [*_table("passes", self.passes), *_table("left out", self.left_out)]
+        lines += [f"warning: {warning}" for warning in self.warnings]
         return "\n".join(line for line in lines if line)
 
 
@@ -81,6 +85,7 @@ def make_plan(scene: Scene) -> Plan:
         lights=lights,
         passes=_passes(scene, refraction, smooth, transparent),
         left_out=_left_out(refraction, smooth, transparent, lights),
+        warnings=scene.warnings,
     )
 
 
