@@ -1,6 +1,7 @@
 """Refractive surfaces that coincide with other surfaces: a warning where they do, and none where they do not."""
 
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from scene_files import write
 from shipped_scenes import each_scene, load
 from small_scenes import Part, ball, box, glass, look, make_scene, quad
 
+ROOT = Path(__file__).parents[1]
 CUBE = box((-0.5, 0, -0.5), (0.5, 1, 0.5))
 FLOOR = quad((-5, 0, 5), (5, 0, 5), (5, 0, -5), (-5, 0, -5))
 SHEET = quad((-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1))
@@ -148,6 +150,13 @@ def test_no_shipped_scene_has_such_surfaces(path):
 def test_a_scene_without_glass_is_not_searched(monkeypatch):
     monkeypatch.setattr("raytrace.scene.coincident._search", None)
     assert not coincidences(make_scene([Part(CUBE), Part(FLOOR)]), "float32")
+
+
+def test_the_document_shows_what_is_said():
+    path, text = ROOT / "docs" / "scenes" / "glass-on-floor.json", (ROOT / "docs" / "conventions.md").read_text("utf-8")
+    (line,) = rt.load(path, root=ROOT).warnings
+    assert "warning: docs/" + line.split("docs/", 1)[1].replace("\\", "/") in text.splitlines()
+    assert rt.load(path.with_name("glass-lifted.json"), root=ROOT).warnings == ()
 
 
 # What is said -------------------------------------------------------------------------------------------------------
