@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import raytrace
 from raytrace import arguments, streams
-from raytrace.errors import RaytraceError, printable
+from raytrace.errors import RaytraceError, printable, without_scene_warnings
 from raytrace.terminal import ECHO, INTERRUPTED, Reporter, at_terminal, signals_interrupt
 
 DONE, INTERNAL, USAGE, FILE, DIFFERENT = 0, 1, 2, 4, 5  # 3, an invalid scene, is SceneError.exit_code
@@ -49,12 +49,13 @@ def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _lo
     if args.aov and path.suffix.lower() == ".png":
         raise ArgumentError(None, f"--aov: a PNG has no room for layers; use -o {path.stem}.exr or {path.stem}.npz")
     say = (lambda _line: None) if args.quiet else streams.say
-    with signals_interrupt(ECHO) as signals:
+    with signals_interrupt(ECHO) as signals, without_scene_warnings():  # printed here, with the place in the file
         scene = load(args)
-        for warning in scene.warnings:
-            say(f"warning: {warning}")
         from raytrace.delivery import checkpoint_of, connected, deliver, nothing, place_of, remarks
+        from raytrace.scene.checks import warnings_of
 
+        for warning in warnings_of(scene, args.precision):
+            say(f"warning: {warning}")
         with Reporter(say, bar=at_terminal() and not args.quiet) as reporter:
             options = {key: getattr(args, key) for key in arguments.RENDER_OPTIONS}
             options["checkpoint"] = checkpoint_of(path, args.resume, say)
@@ -141,7 +142,7 @@ def _report(args: Namespace) -> int:
         return _hard_cases(args.output)
     if not args.scene:
         raise ArgumentError(None, "report: which scene? raytrace report scene.json -o DIR (or --hard-cases)")
-    with signals_interrupt():
+    with signals_interrupt(), without_scene_warnings():  # they are printed here, with the place in the file
         scene = _load(args)
         with Reporter(streams.say, bar=at_terminal()) as reporter:
             options = {name: getattr(args, name) for name in ("reference", "budget", "size")}

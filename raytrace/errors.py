@@ -1,5 +1,8 @@
 """The mistakes a user can make, each with the exit code that the command line gives it; texts that fit in a line."""
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 
@@ -43,6 +46,18 @@ class MemoryLimitError(OptionError):
 
 class FileMemoryError(MemoryLimitError, FileError):
     """A file that takes more memory to read than there is. It has the exit code of every lack of memory."""
+
+
+class SceneWarning(UserWarning):
+    """A scene that is legal, but whose image is probably not what was meant: two of its surfaces coincide, say."""
+
+
+@contextmanager
+def without_scene_warnings() -> Iterator[None]:
+    """Ignore every ``SceneWarning``, for callers that print a scene's warnings themselves."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SceneWarning)
+        yield
 
 
 def shortened(text: str, most: int = 60) -> str:

@@ -100,6 +100,11 @@ class Scene:
 
         return fingerprint(self)
 
+    @property
+    def refractive(self) -> bool:
+        """Whether there is a refractive material."""
+        return bool((self.materials.kind == REFRACTIVE).any())
+
 
 class Hits(NamedTuple):
     """Nearest hits, a row a ray: p = (1 - u - v) v0 + u v1 + v v2."""

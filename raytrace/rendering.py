@@ -89,6 +89,11 @@ def render(
     OptionError
         An option that can't be met; the cluster has gone, or none of its workers may draw.
 
+    Warns
+    -----
+    SceneWarning
+        A refractive surface coincides with another surface, so that rays can miss one of them.
+
     Examples
     --------
     >>> import raytrace as rt
@@ -105,6 +110,10 @@ def render(
     layers, limit, count = layers_of(aov), deadline_after(time_limit), parallel.thread_count(threads)
     plan = plan_of(scene)
     precision = plan.precision.name if settings.precision == "auto" else settings.precision
+    if plan.refraction:
+        from raytrace.scene.coincident import warn_coincident
+
+        warn_coincident(scene, precision, stacklevel=2)
     job, watcher = Job(scene, settings, window, precision, target), watcher_of(progress)
     check_drawing(_drawing(job, layers, count), trees_of(scene, plan, precision), max_memory)
     pixels = window.width * window.height

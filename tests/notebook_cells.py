@@ -16,11 +16,11 @@ def cells_of(notebook: str) -> list[str]:
     return CELL.findall((FOLDER / f"{notebook}.md").read_text("utf-8"))
 
 
-def answers_of(notebook: str) -> dict[str, tuple[str, str]]:
-    """Exercise -> its solution, and a mistake."""
+def answers_of(notebook: str) -> dict[str, tuple[str, ...]]:
+    """Exercise -> its solution, and a mistake or more."""
     text = (FOLDER / "solutions" / f"{notebook}.md").read_text("utf-8")
     found = {name: tuple(FENCE.findall(part)) for name, part in EXERCISE.findall(text)}
-    assert all(len(pair) == 2 for pair in found.values()), "an exercise has one solution and one mistake"
+    assert all(len(answers) >= 2 for answers in found.values()), "an exercise has one solution, and a mistake or more"
     return found
 
 

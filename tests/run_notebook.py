@@ -1,6 +1,6 @@
 """``python run_notebook.py NAME``: a notebook as a student works through it, in a plain interpreter.
 
-Writes, as JSON, what each check found: of the exercise as it stands, of a mistake, and of the solution.
+Writes, as JSON, what each check found: of the exercise as it stands, of its mistakes, and of the solution.
 """
 
 import contextlib

@@ -56,6 +56,52 @@ def test_links_of_the_readme_lead_somewhere():
     assert not [link for link in links if not (ROOT / link).exists()]
 
 
+BOX = 34  # triangles of scenes/cornell-box.json
+
+
+def test_documents_count_the_triangles_of_the_box_as_the_scene_has_them():
+    assert len(raytrace.load(ROOT / "scenes" / "cornell-box.json").mesh.faces) == BOX
+    claims = {
+        "notebooks/01-rays-and-triangles.md": r"40,000 pixels, (\d+) triangles",
+        "notebooks/07-from-one-ray-to-a-wavefront.md": (
+            r"The Cornell box has (\d+) triangles|# \((\d+) triangles|"
+            r"(\d+) triangles are a short array|With (\d+) triangles the tree"
+        ),
+        "benchmarks.md": r"plan and trees \((\d+) triangles|box, (\d+) triangles",
+        "error.md": r"the box's (\d+) triangles",
+        "robustness.md": r"for (\d+) triangles, takes",
+    }
+    for name, pattern in claims.items():
+        found = [int(number) for groups in re.finditer(pattern, page(name)) for number in groups.groups() if number]
+        assert len(found) == pattern.count("|") + 1, name
+        assert set(found) == {BOX}, name
+
+
+NOTEBOOK_PAGES = [name for name in PAGES if name.startswith("notebooks/")]
+PROSE = re.compile(r"^ *```.*?^ *```|`[^`\n]*`", re.MULTILINE | re.DOTALL)  # what is not
+
+
+@pytest.mark.parametrize("name", NOTEBOOK_PAGES)
+def test_links_of_notebooks_lead_somewhere_without_the_site(name):
+    """JupyterLab shows these pages as they stand: sources are links, and what is linked lies below its folder."""
+    prose = PROSE.sub("", page(name))
+    links = [link for link in re.findall(r"\]\(([^)#]+)", prose) if "://" not in link]
+    missing = [link for link in links if not (DOCS / name).parent.joinpath(link).is_file()]
+    assert not missing
+    bare = [key for key in CITED.finditer(prose) if not prose[key.end() :].startswith("](")]
+    assert not bare
+    sources = [link for link in links if "references" in link]
+    assert all((DOCS / name).parent.joinpath(link).resolve() == DOCS / "references.md" for link in sources)
+
+
+def test_jupyterlab_is_started_where_all_documents_lie_below():
+    commands = [line for line in page("notebooks/index.md").splitlines() if line.startswith("jupyter lab")]
+    assert len(commands) == 1
+    arguments = commands[0].split()[2:]
+    assert all(word.startswith("--LabApp.default_url=/lab/tree/") for word in arguments)  # a folder would be its root
+    assert all((ROOT / word.partition("/lab/tree/")[2]).is_file() for word in arguments)
+
+
 def test_what_start_shows_works(tmp_path):
     (scene,) = blocks("start.md", "scene")
     (tmp_path / "mine.json").write_text(scene, "utf-8")

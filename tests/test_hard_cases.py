@@ -5,7 +5,7 @@ import pytest
 
 from raytrace.reporting import hard_cases
 from raytrace.reporting.hard_cases import Outcome, Score, run
-from raytrace.reporting.tracers import Lit, Ours, Seed
+from raytrace.reporting.tracers import Baseline, Lit, Ours
 
 STEP = 7  # every 7th ray of each case: a prime, so that no kind of ray is left out
 PRECISIONS = ("float32", "float64")
@@ -67,7 +67,7 @@ def test_ours_has_no_failures_along_any_path():
 
 def test_the_other_triangle_test_answers_every_case_along_every_path():
     """Wrongly, as it must: with a constant threshold. But it ends, and names triangles that there are."""
-    others = [Seed(precision) for precision in PRECISIONS]
+    others = [Baseline(precision) for precision in PRECISIONS]
     outcome = run(others, STEP)
     assert {case.name for case in outcome.cases} == {case for case, _ in outcome.scores}
     for tracer in others:
@@ -80,10 +80,10 @@ def test_the_other_triangle_test_answers_every_case_along_every_path():
             assert (np.isinf(hits.t) == (hits.prim_id < 0)).all()
 
 
-def test_the_seeds_way_has_failures_of_every_kind(few):
-    seed = Seed("float32")
-    outcome = run([seed], step=2)
-    total = outcome.total(seed)
+def test_the_baseline_has_failures_of_every_kind(few):
+    baseline = Baseline("float32")
+    outcome = run([baseline], step=2)
+    total = outcome.total(baseline)
     assert min(total.wrong, total.leaks, total.self_shadows, total.light_leaks) > 0
     assert outcome.our_failures == 0  # it is not ours
 

@@ -11,13 +11,16 @@ from raytrace.reporting.hard_cases import Outcome, Score
 from raytrace.reporting.hard_rays import cases
 from raytrace.reporting.hard_shadows import shadow_cases
 from raytrace.reporting.hard_table import (
+    EXTREME,
     KINDS,
     as_json,
     failures_table,
     kinds_table,
     markdown,
+    moderate,
     text,
     text_table,
+    totals_table,
     write,
 )
 
@@ -61,6 +64,28 @@ def test_every_case_is_of_one_kind():
         assert sum(bool(re.search(pattern, case.name)) for pattern in KINDS.values()) == 1, case.name
 
 
+def test_totals_leave_out_what_only_extreme_input_explains(outcome):
+    assert [case.name for case in moderate(outcome).cases] == ["cube, from inside"]
+    (ours, other) = totals_table(moderate(outcome))[1:]
+    assert (ours[1], other[1]) == ("100", "0")
+    suite = [case.name for case in (*cases(), *shadow_cases())]
+    left_out = {name for name in suite if re.search(EXTREME, name)}
+    assert {
+        "scale 1e-06",
+        "translation 1e+07, size 1e+03",
+        "origins 1e+09 away",
+        "lit floor, moved by 1e+06",
+    } <= left_out
+    assert not left_out & {
+        "scale 1e+03",
+        "slivers 1e+09, flat",
+        "grazing 1e-7, flat",
+        "translation 1e+05",
+        "huge beside tiny",
+    }
+    assert len(left_out) < len(suite) / 2
+
+
 def test_terminals_get_failures_totals_and_who_is_missing(outcome):
     shown = text(outcome)
     lines = shown.splitlines()
@@ -85,7 +110,7 @@ def test_columns_line_up():
 
 def test_the_page_holds_every_number(outcome):
     page = markdown(outcome)
-    assert page.count("\n## ") == 3
+    assert page.count("\n## ") == 4
     assert "| lit floor, scale 1e-12 |" in page
     assert "1.2e-07 / 2.5e-07" in page
     assert page.endswith("|\n")

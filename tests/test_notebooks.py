@@ -34,10 +34,11 @@ def test_checks_tell_solutions_from_mistakes(notebook):
         env=os.environ | here,
     )
     assert done.returncode == 0, done.stderr
-    for exercise, (unsolved, mistaken, solved) in json.loads(done.stdout).items():
+    for exercise, (unsolved, *mistakes, solved) in json.loads(done.stdout).items():
         assert unsolved == "yours to do", f"{exercise} as it stands: {unsolved}"
-        assert mistaken.startswith("not yet: "), f"{exercise} with a mistake: {mistaken}"
-        assert "Error" not in mistaken, f"{exercise}: a check says what is wrong in its own words, not {mistaken}"
+        for mistaken in mistakes:
+            assert mistaken.startswith("not yet: "), f"{exercise} with a mistake: {mistaken}"
+            assert "Error" not in mistaken, f"{exercise}: a check says what is wrong in its own words, not {mistaken}"
         assert solved == "solved", f"{exercise} with its solution: {solved}"
 
 

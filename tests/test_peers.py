@@ -13,7 +13,7 @@ PRECISIONS = ("float32", "float64")
 class Known(peers.Peer):
     """A peer that is our own tree, but knows no tmin, and no offsets."""
 
-    name, module = "numpy", "numpy"
+    name, modules = "numpy", ("numpy",)
 
     def scene(self, made):
         return rt.BVH(made.vertices, made.faces, made.o.dtype.name)
@@ -59,16 +59,30 @@ def test_a_peer_is_asked_and_lights_are_found_with_those_offsets(precision):
 
 def test_peers_that_are_not_there_are_named_with_the_reason(monkeypatch):
     class Absent(Known):
-        name, module = "nothing", "no_such_module_anywhere"
+        name, modules = "nothing", ("no_such_module_anywhere", "numpy")
 
     monkeypatch.setattr(peers, "PEERS", (Known, Absent))
     found, missing = peers.peers()
     assert [peer.name for peer in found] == ["numpy"]
     assert found[0].version == np.__version__
-    assert missing == {"nothing": "No module named 'no_such_module_anywhere'"}
+    assert missing == {"nothing": "not installed; pip install no_such_module_anywhere"}
+
+
+@pytest.mark.parametrize("kind", peers.PEERS, ids=lambda kind: kind.name)
+def test_a_package_that_is_not_installed_is_the_first_thing_to_say(monkeypatch, kind):
+    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
+    monkeypatch.setattr(peers, "find_spec", lambda name: None)
+    with pytest.raises(ImportError, match=f"^not installed; pip install {' '.join(kind.modules)}$"):
+        kind()
+
+
+def test_mitsuba_is_asked_in_both_of_its_settings():
+    settings = {kind.name: kind.robust for kind in peers.PEERS if issubclass(kind, peers.Mitsuba)}
+    assert settings == {"Mitsuba": False, "Mitsuba, robust": True}
 
 
 def test_mitsuba_is_not_tried_without_a_library_that_is_known_to_work(monkeypatch):
+    monkeypatch.setattr(peers, "find_spec", lambda name: True)
     monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
     with pytest.raises(ImportError, match="DRJIT_LIBLLVM_PATH"):
         peers.Mitsuba()

@@ -6,7 +6,7 @@ import raytrace as rt
 from raytrace.reporting.hard_rays import Case, cases
 from raytrace.reporting.hard_shadows import shadow_cases
 from raytrace.reporting.judge import Query
-from raytrace.reporting.tracers import Ours, Seed, paths, sent, tracers
+from raytrace.reporting.tracers import Baseline, Ours, paths, sent, tracers
 
 PRECISIONS = ("float32", "float64")
 CASES: dict[str, Case] = {case.name: case for case in cases()}
@@ -54,8 +54,8 @@ def test_every_tree_is_asked_in_every_way():
     assert [tracer.name for tracer in tracers()] == [
         "raytrace float32",
         "raytrace float64",
-        "seed float32",
-        "seed float64",
+        "baseline float32",
+        "baseline float64",
     ]
     assert [tracer.exact for tracer in tracers()] == [True, True, False, False]
 
@@ -80,10 +80,10 @@ def test_shadow_rays_start_where_spawn_ray_says_and_end_at_the_light(precision):
 
 def test_the_seed_loses_what_is_small_and_shadows_itself_where_scenes_are_large():
     query = CASES["scale 1e-06"].query("float32", 20)
-    assert all((hits.prim_id == -1).all() for hits in Seed("float32").nearest(query))
+    assert all((hits.prim_id == -1).all() for hits in Baseline("float32").nearest(query))
     assert all((hits.prim_id >= 0).mean() > 0.6 for hits in Ours("float32").nearest(query))
     lit = SHADOWS["lit sphere, scale 1e+06"].query("float32", 2)
-    assert all(found.dark[found.found].mean() > 0.1 for found in Seed("float32").shadows(lit))
+    assert all(found.dark[found.found].mean() > 0.1 for found in Baseline("float32").shadows(lit))
     assert all(not found.dark[found.found].any() for found in Ours("float32").shadows(lit))
 
 

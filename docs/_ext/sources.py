@@ -6,6 +6,7 @@ The files stay plain Markdown, and read as well without this.
 import re
 
 CITED = re.compile(r"\[([A-Z][A-Za-z]+[0-9]{2,4}|PNG|sRGB)((?:, [^]\[]*)?)\](?![({])")
+LINKED = re.compile(r"\[(\[[A-Z][^]\[]*\])\]\([./]*references\.md\)")  # as notebooks have it, for programs without this
 CODE = re.compile(r"(^ *```.*?^ *```|`[^`\n]*`)", re.MULTILINE | re.DOTALL)
 ENTRY = re.compile(r"^- (\*\*\[(\w+)\]\*\*)", re.MULTILINE)
 FILE_LINK = re.compile(r"\[(\w[\w-]*\.md)\]\(([./\w-]*\1)(#[\w-]+)?\)")  # [error.md](error.md): say the page's title
@@ -23,7 +24,7 @@ def link_page(app, docname, source):
         return
     parts = CODE.split(source[0])
     for k in range(0, len(parts), 2):
-        text = CITED.sub(lambda key: rf"[\[{key[1]}{key[2]}\]](#{label(key[1])})", parts[k])
+        text = CITED.sub(lambda key: rf"[\[{key[1]}{key[2]}\]](#{label(key[1])})", LINKED.sub(r"\1", parts[k]))
         parts[k] = FILE_LINK.sub(r"[](\2\3)", text)
     source[0] = "".join(parts)
 

@@ -12,6 +12,7 @@ from raytrace.reporting.ways import Way
 
 NEGLIGIBLE = 1 / 3  # an error this much smaller than another adds 5 % to it: sqrt(1 + 1/9) = 1.05
 WORSE = 1.05  # times the error of the usual way: said aloud from here on
+WIDE = 0.5  # of a confidence interval of an order: wider ones are written out
 NICE = 1, 2, 5  # errors that advice is given for, times powers of ten
 Curves = Mapping[Way, Sequence[Point]]
 
@@ -112,8 +113,15 @@ def two_digits(number: float) -> str:
 
 def _samplers(orders: Sequence[Order]) -> list[str]:
     default = [fit for fit in orders if fit.way.precision == orders[0].way.precision]
-    texts = [f"{fit.way.sampler} as spp^{fit.order:.2f}" for fit in default]
+    texts = [f"{fit.way.sampler} as spp^{fit.order:.2f}{_uncertainty(fit)}" for fit in default]
     return [f"The error shrinks: {', '.join(texts)}"] if texts else []
+
+
+def _uncertainty(fit: Order) -> str:
+    """The interval of an order, where it is too wide to leave out."""
+    if fit.high - fit.low <= WIDE:
+        return ""
+    return f" (95 % interval {fit.low:.2f} to {fit.high:.2f}, from {fit.points} points)"
 
 
 def _costs(curves: Curves) -> list[str]:

@@ -93,12 +93,17 @@ def pareto(points: Sequence[Point]) -> list[bool]:
 
 
 def needed(curve: Sequence[Point], error: float) -> tuple[float, float] | None:
-    """Samples per pixel and seconds that a way needs for an error, between its points on logarithmic axes.
+    """Samples per pixel and seconds that a way needs for an error: of a point, or between two points.
 
-    None where it never gets there; the first point where that is good enough already.
+    The quickest of all; between points, both axes are logarithmic. None where the way never gets there.
     """
-    if curve[0].rmse_srgb <= error:
-        return curve[0].spp, curve[0].seconds
+    measured = [(point.spp, point.seconds) for point in curve if point.rmse_srgb <= error]
+    between = None if curve[0].rmse_srgb <= error else _between(curve, error)
+    return min([*measured, *([between] if between else [])], key=lambda need: need[1], default=None)
+
+
+def _between(curve: Sequence[Point], error: float) -> tuple[float, float] | None:
+    """Samples per pixel and seconds where a curve first goes below an error."""
     for p, q in pairwise(curve):
         if q.rmse_srgb <= error < p.rmse_srgb:
             if q.rmse_srgb == 0.0:

@@ -65,7 +65,7 @@ def run(
     Parameters
     ----------
     who : sequence of Tracer, optional
-        Default: ours, the seed's way, and every peer that is installed.
+        Default: ours, the baseline, and every peer that is installed.
     step : int
         Take every step-th ray of each case.
     progress : callable, optional

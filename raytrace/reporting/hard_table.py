@@ -40,6 +40,9 @@ KINDS = {  # of cases, by what their names match
 }
 
 
+EXTREME = r"\b(scale|by|translation|origins|directions) 1e[+-](0[6-9]|[1-9]\d)\b"  # what cases are named that have it
+
+
 def failures(score: Score | None) -> str:
     """Write the failures of one case in a cell.
 
@@ -60,6 +63,14 @@ def totals_table(outcome: Outcome) -> list[list[str]]:
     header = ["", "rays", "wrong (w)", "leaks (l)", "self-shadows (s)", "through walls (t)", "worst t", "worst u, v"]
     rows = [(f"{tracer.name} ({tracer.version})", outcome.total(tracer)) for tracer in outcome.tracers]
     return [header, *([name, *map(str, score[:5]), *map(_error, score[5:])] for name, score in rows)]
+
+
+def moderate(outcome: Outcome) -> Outcome:
+    """The cases without sizes, distances, translations and lengths of 1e6 and more, or 1e-6 and less."""
+    cases = tuple(case for case in outcome.cases if not re.search(EXTREME, case.name))
+    names = {case.name for case in cases}
+    scores = {key: score for key, score in outcome.scores.items() if key[0] in names}
+    return outcome._replace(cases=cases, scores=scores)
 
 
 def kinds_table(outcome: Outcome) -> list[list[str]]:
@@ -124,6 +135,8 @@ def markdown(outcome: Outcome) -> str:
     parts = [
         f"# Hard cases, raytrace {raytrace.__version__}",
         text_table(totals_table(outcome), markdown=True),
+        "## Totals without sizes, distances, translations and lengths of 1e6 and more, or 1e-6 and less",
+        text_table(totals_table(moderate(outcome)), markdown=True),
         "## Failures by kind of case",
         text_table(kinds_table(outcome), markdown=True),
         "## Failures by case",
@@ -146,7 +159,8 @@ def as_json(outcome: Outcome) -> dict[str, Any]:
         "raytrace": raytrace.__version__,
         "backward_error": BACKWARD,
         "tracers": [
-            {"name": t.name, "version": t.version, "precision": t.dtype.name, "total": plain(outcome.total(t))}
+            {"name": t.name, "version": t.version, "precision": t.dtype.name, "total": plain(outcome.total(t)),
+             "total_without_extremes": plain(moderate(outcome).total(t))}
             for t in outcome.tracers
         ],
         "missing": dict(outcome.missing),

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator
 from importlib import import_module, metadata
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -48,12 +49,21 @@ def shadow_rays(hits: Hits, query: LightQuery) -> tuple[Flags, Reals, Reals]:
 class Peer:
     """What peers share: they hit or miss rays, and know nothing of tmin."""
 
-    name, module, interval, exact = "", "", False, False
+    name, interval, exact = "", False, False
+    modules: tuple[str, ...] = ()  # that it needs; the first is named as its package
     dtype: np.dtype = np.dtype(np.float32)
 
     def __init__(self) -> None:
-        import_module(self.module)
-        self.version = metadata.version(self.name.lower())
+        self.check_installed()
+        for module in self.modules:
+            import_module(module)
+        self.version = metadata.version(self.modules[0])
+
+    def check_installed(self) -> None:
+        """Raise ImportError, with what to install, where a package is missing."""
+        missing = [module for module in self.modules if find_spec(module) is None]
+        if missing:
+            raise ImportError(f"not installed; pip install {' '.join(missing)}")
 
     def nearest(self, asked: Query) -> Iterator[Hits]:
         """Nearest hits."""
@@ -85,7 +95,7 @@ class Peer:
 class Open3D(Peer):
     """Embree, as Open3D sets it up: robust."""
 
-    name, module = "Open3D", "open3d"
+    name, modules = "Open3D", ("open3d",)
 
     def scene(self, made: Query | LightQuery) -> Any:  # noqa: D102
         open3d = import_module("open3d")
@@ -111,7 +121,7 @@ class Open3D(Peer):
 class Embreex(Peer):
     """Embree, as embreex sets it up."""
 
-    name, module = "embreex", "embreex.rtcore_scene"
+    name, modules = "embreex", ("embreex",)
 
     def scene(self, made: Query | LightQuery) -> Any:  # noqa: D102
         scene = import_module("embreex.rtcore_scene").EmbreeScene()
@@ -130,9 +140,10 @@ class Embreex(Peer):
 class Mitsuba(Peer):
     """Embree behind Mitsuba's own rays, points and offsets, in the variant that runs compiled on the CPU."""
 
-    name, module = "Mitsuba", "mitsuba"
+    name, modules, robust = "Mitsuba", ("mitsuba",), False
 
     def __init__(self) -> None:
+        self.check_installed()
         if "DRJIT_LIBLLVM_PATH" not in os.environ:  # some versions of LLVM abort the process
             raise ImportError("DRJIT_LIBLLVM_PATH does not name a libLLVM; version 19 works")
         super().__init__()
@@ -146,7 +157,7 @@ class Mitsuba(Peer):
         parameters["vertex_positions"] = self.mi.Float(vertices.ravel())
         parameters["faces"] = self.mi.UInt32(faces.ravel().astype(np.uint32))
         parameters.update()
-        return self.mi.load_dict({"type": "scene", "mesh": shape})
+        return self.mi.load_dict({"type": "scene", "mesh": shape, "embree_use_robust_intersections": self.robust})
 
     def _rays(self, o: Reals, d: Reals) -> Any:
         return self.mi.Ray3f(self.mi.Point3f(o.T), self.mi.Vector3f(d.T))
@@ -170,10 +181,16 @@ class Mitsuba(Peer):
         yield Lit(surface.is_valid().numpy(), scene.ray_test(rays).numpy())
 
 
+class RobustMitsuba(Mitsuba):
+    """The same with Embree's robust intersections, which Mitsuba leaves off by default."""
+
+    name, robust = "Mitsuba, robust", True
+
+
 class Trimesh(Peer):
     """The tracer of trimesh that is written in NumPy, in float64."""
 
-    name, module, dtype = "trimesh", "rtree", np.dtype(np.float64)
+    name, modules, dtype = "trimesh", ("trimesh", "rtree"), np.dtype(np.float64)
 
     def scene(self, made: Query | LightQuery) -> Any:  # noqa: D102
         from trimesh import Trimesh as Mesh
@@ -205,7 +222,7 @@ class Trimesh(Peer):
         yield from ()
 
 
-PEERS = (Open3D, Embreex, Mitsuba, Trimesh)
+PEERS = (Open3D, Embreex, Mitsuba, RobustMitsuba, Trimesh)
 
 
 def peers() -> tuple[list[Tracer], dict[str, str]]:

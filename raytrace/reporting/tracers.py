@@ -1,4 +1,4 @@
-"""Ray tracers behind one face: ours along every path, and the way of the course that this project began with."""
+"""Ray tracers behind one face: ours along every path, and the baseline, the course implementation of the beginning."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -197,14 +197,14 @@ def sent(surface: Surface, light: Reals) -> tuple[Reals, Reals, Reals]:
     return o.reshape(3, rows).T[:n], d.reshape(3, rows).T[:n], tmax[:n]
 
 
-class Seed(Ours):
-    """The course's way: Moller-Trumbore with |det| < 1e-5, and a constant offset of 1e-4."""
+class Baseline(Ours):
+    """The course's own implementation: Moller-Trumbore with |det| < 1e-5, and a constant offset of 1e-4."""
 
     triangle = "moller-trumbore"
 
     def __init__(self, precision: str) -> None:
         super().__init__(precision)
-        self.name, self.exact = f"seed {precision}", False
+        self.name, self.exact = f"baseline {precision}", False
 
     def shadows(self, asked: LightQuery) -> Iterator[Lit]:
         """Shadow rays begin and end that constant from point and light."""
@@ -221,4 +221,4 @@ class Seed(Ours):
 
 def tracers() -> list[Tracer]:
     """What comes with this package."""
-    return [make(precision) for make in (Ours, Seed) for precision in ("float32", "float64")]
+    return [make(precision) for make in (Ours, Baseline) for precision in ("float32", "float64")]

@@ -6,9 +6,12 @@ right form is passed over, since the format reports it.
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from raytrace.scene.problems import HINTED, MOST, Problem, unknown_name
+
+if TYPE_CHECKING:
+    from raytrace.records import Scene
 
 # sine of the angle between up and the view direction; the film's axes lose 1e-16 / PARALLEL of their direction
 PARALLEL = 1e-6
@@ -105,3 +108,13 @@ def warn(data: dict[str, Any]) -> list[Problem]:
         if name not in used:
             found.append(Problem(("materials", name), "no object uses this material", at_key=True))
     return found
+
+
+def warnings_of(scene: "Scene", precision: str | None) -> list[str]:
+    """The warnings of a scene, and what is to be said of it if it is rendered in this precision; a line each."""
+    lines = list(scene.warnings)
+    if precision in ("float32", "float64") and scene.refractive:
+        from raytrace.scene.coincident import texts_in
+
+        lines += [f"{scene.source or 'scene'}: {text}" for text in texts_in(scene, precision)]
+    return lines

@@ -1,6 +1,7 @@
 """From a valid scene to arrays: its meshes read and put in place, its tables, its hash."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +59,7 @@ def make_scene(
         flux=np.array([light.flux for light in scene.lights]).reshape(-1, 3),
     )
     render = scene.render
-    return Scene(
+    made = Scene(
         source=path,
         about=scene.about,
         camera=camera,
@@ -68,8 +69,14 @@ def make_scene(
         lights=lights,
         mesh=mesh,
         objects=names,
-        warnings=text.warn(warnings, origins),
+        warnings=(),
     )
+    if made.refractive:
+        from raytrace.scene.coincident import MOST, chosen_coincidences
+
+        for found in chosen_coincidences(made)[:MOST]:
+            warnings.append(Problem(("objects", found.first), found.text(names)))
+    return replace(made, warnings=text.warn(warnings, origins)) if warnings else made
 
 
 def _place_all(

@@ -25,6 +25,8 @@ class Plan:
         Name and cost driver of each pass that runs, in order.
     left_out : tuple of (str, str)
         What does not run or is not stored, and why.
+    warnings : tuple of str
+        What is legal but probably not meant, as in ``Scene.warnings``.
     """
 
     about: str
@@ -36,6 +38,7 @@ class Plan:
     lights: int
     passes: tuple[tuple[str, str], ...]
     left_out: tuple[tuple[str, str], ...]
+    warnings: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         lines = [
@@ -44,6 +47,7 @@ class Plan:
             f"precision  {self.precision.name}: {self.precision.why}",
         ]
         lines += [*_table("passes", self.passes), *_table("left out", self.left_out)]
+        lines += [f"warning: {warning}" for warning in self.warnings]
         return "\n".join(line for line in lines if line)
 
 
@@ -86,6 +90,7 @@ def make_plan(scene: Scene) -> Plan:
         lights=lights,
         passes=_passes(scene, refraction, smooth, transparent),
         left_out=_left_out(refraction, smooth, transparent, lights),
+        warnings=scene.warnings,
     )
 
 
