@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from raytrace import show, textbook
     from raytrace.accel.bvh import BVH
     from raytrace.errors import FileError, OptionError, RaytraceError, SceneError
+    from raytrace.image.metrics import compare
     from raytrace.optics import reflect, refract, spawn_ray
-    from raytrace.picture import Render
     from raytrace.records import Hits, Scene, Surface
-    from raytrace.rendering import render
-    from raytrace.reporting.error import compare
+    from raytrace.rendering.rendering import render
+    from raytrace.rendering.result import Render
     from raytrace.reporting.sweep import report
     from raytrace.scene.demo_scene import demo
     from raytrace.scene.load import load
@@ -29,17 +29,17 @@ _HOME = {
     "Hits": "records",
     "OptionError": "errors",
     "RaytraceError": "errors",
-    "Render": "picture",
+    "Render": "rendering.result",
     "Scene": "records",
     "SceneError": "errors",
     "Surface": "records",
-    "compare": "reporting.error",
+    "compare": "image.metrics",
     "demo": "scene.demo_scene",
     "explain": "scene.plan",
     "load": "scene.load",
     "reflect": "optics",
     "refract": "optics",
-    "render": "rendering",
+    "render": "rendering.rendering",
     "report": "reporting.sweep",
     "spawn_ray": "optics",
 }

@@ -2,7 +2,7 @@
 
 import sys
 
-from raytrace.cli import main
+from raytrace.cli.main import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -96,7 +96,7 @@ class Scene:
 
         A scene that ``dataclasses.replace`` makes has a hash of its own.
         """
-        from raytrace.fingerprint import fingerprint
+        from raytrace.scene.fingerprint import fingerprint
 
         return fingerprint(self)
 

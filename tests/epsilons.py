@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import raytrace as rt
-from raytrace.image import png_bytes
+from raytrace.image.files import png_bytes
 from raytrace.passes.camera import make_view
 from raytrace.records import Scene
 

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from raytrace.records import RawMesh
-from raytrace.scene.glb import read_glb
-from raytrace.scene.rawmesh import concatenate
+from raytrace.scene.meshes.glb import read_glb
+from raytrace.scene.meshes.raw_mesh import concatenate
 from scene_files import glb
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], "<f4")

@@ -2,19 +2,25 @@
 
 from collections.abc import Callable
 
+from raytrace.reporting.configurations import Configuration
 from raytrace.reporting.measure import Point
-from raytrace.reporting.ways import Way
 
-SOBOL, STRATIFIED, DOUBLE = Way("sobol", "float32"), Way("stratified", "float32"), Way("sobol", "float64")
+SOBOL, STRATIFIED, DOUBLE = (
+    Configuration("sobol", "float32"),
+    Configuration("stratified", "float32"),
+    Configuration("sobol", "float64"),
+)
 
 
-def point(way: Way, spp: float, seconds: float, error: float) -> Point:
+def point(way: Configuration, spp: float, seconds: float, error: float) -> Point:
     """Three rounds, of which the quickest took `seconds`."""
     times = (2 * seconds, seconds, 3 * seconds)
     bias = (error / 10, -error / 5, 0.0)
     return Point(way, spp, spp, times, int(2000 * spp), 1_000_000, 2 * error, error, error**2, bias, 0.1, 0.9)
 
 
-def curve(way: Way, error: Callable[[float], float], seconds: float, steps: tuple[int, ...] = (1, 4, 16, 64)) -> list:
+def curve(
+    way: Configuration, error: Callable[[float], float], seconds: float, steps: tuple[int, ...] = (1, 4, 16, 64)
+) -> list:
     """Points at `steps` samples per pixel; `seconds` is the time of a sample."""
     return [point(way, spp, seconds * spp, error(spp)) for spp in steps]

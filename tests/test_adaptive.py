@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from raytrace.adaptive import EDGE, LEAP, LUCK, Search, choose
-from raytrace.parts import curve
 from raytrace.passes.estimate import MODELS, Model
 from raytrace.passes.film import make_film
 from raytrace.records import Window
+from raytrace.rendering.adaptive import EDGE, LEAP, LUCK, AdaptiveSampler, choose
+from raytrace.rendering.work_items import curve
 
 ORDER = 1.5
 
@@ -76,7 +76,7 @@ def search_of(picture, error, target=1e-4, samples=4, model=MODELS["sobol"]):
     film = make_film(len(at))
     film.samples[:] = samples
     film.error[: len(at)] = np.broadcast_to(error, picture.shape).ravel()[at]
-    search = Search(film, at, window, model, target, 4096)
+    search = AdaptiveSampler(film, at, window, model, target, 4096)
     search.show(np.s_[: len(at)], np.tile(picture.ravel()[at], (3, 1)))
     return search
 

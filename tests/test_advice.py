@@ -4,10 +4,13 @@ import pytest
 
 from raytrace.reporting.advice import advice, nice_errors, useless_below
 from raytrace.reporting.analysis import fit_order, orders_of
-from raytrace.reporting.ways import Way
+from raytrace.reporting.configurations import Configuration
 from synthetic_points import DOUBLE, SOBOL, STRATIFIED, curve
 
-MOLLER, BRUTE = Way("sobol", "float32", triangle="moller-trumbore"), Way("sobol", "float32", tree="none")
+MOLLER, BRUTE = (
+    Configuration("sobol", "float32", triangle="moller-trumbore"),
+    Configuration("sobol", "float32", tree="none"),
+)
 
 
 def sentences(points, gaps=None):

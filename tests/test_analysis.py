@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from raytrace.reporting.analysis import curves_of, fit_order, needed, orders_of, pareto
-from raytrace.reporting.ways import Way
+from raytrace.reporting.configurations import Configuration
 from synthetic_points import DOUBLE, SOBOL, STRATIFIED, curve, point
 
 
@@ -43,7 +43,7 @@ def test_two_points_have_an_order_and_no_interval():
 
 def test_each_sampler_has_an_order_and_another_triangle_test_has_none():
     points = curve(SOBOL, lambda n: 1 / n, 1.0) + curve(STRATIFIED, lambda n: n**-0.5, 1.0)
-    points += curve(Way("sobol", "float32", triangle="moller-trumbore"), lambda n: 1 / n, 1.0)
+    points += curve(Configuration("sobol", "float32", triangle="moller-trumbore"), lambda n: 1 / n, 1.0)
     points += curve(DOUBLE, lambda n: 1 / n, 1.0, (1, 4))  # two points are too few
     assert [(fit.way, round(fit.order, 9)) for fit in orders_of(points)] == [(SOBOL, -1.0), (STRATIFIED, -0.5)]
 

@@ -116,7 +116,7 @@ def test_only_the_compiler_and_its_fallback_compile(name):
 @pytest.mark.parametrize("name", FILES)
 def test_nothing_prints_but_through_streams(name):
     calls = [node.lineno for node in ast.walk(TREES[name]) if isinstance(node, ast.Name) and node.id == "print"]
-    assert not calls, f"{name}: return text, or use raytrace.streams"
+    assert not calls, f"{name}: return text, or use raytrace.cli.streams"
 
 
 @pytest.mark.parametrize("name", [name for name in FILES if name not in DRAWN_IN_TURN])
@@ -168,7 +168,7 @@ def test_every_public_name_is_documented(name):
         assert ">>>" in inspect.getdoc(thing), f"{name} has no example"
 
 
-@pytest.mark.parametrize("first", ["raytrace.rendering", "raytrace.reporting.error", "raytrace.scene.load"])
+@pytest.mark.parametrize("first", ["raytrace.rendering.rendering", "raytrace.image.metrics", "raytrace.scene.load"])
 def test_public_functions_stay_functions_whatever_is_imported_first(first):
     program = f"import {first}, raytrace as rt; assert all(map(callable, (rt.load, rt.render, rt.explain, rt.compare)))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, cwd=ROOT)

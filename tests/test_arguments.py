@@ -2,7 +2,7 @@ from argparse import ArgumentParser, ArgumentTypeError
 
 import pytest
 
-from raytrace.arguments import (
+from raytrace.cli.arguments import (
     RENDER_OPTIONS,
     layers,
     memory,

@@ -14,19 +14,19 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace import checkpoint, parts
-from raytrace.checkpoint import Checkpoint
-from raytrace.delivery import deliver
+from raytrace.cli.delivery import deliver
 from raytrace.errors import FileError
-from raytrace.journal import HEAD
-from raytrace.run import Run
+from raytrace.rendering import checkpoint, work_items
+from raytrace.rendering.checkpoint import Checkpoint
+from raytrace.rendering.journal import HEAD
+from raytrace.rendering.run import Run
 from same_pictures import assert_same
 from signals import default_signals
 from small_scenes import studio
 
 ROOT = Path(__file__).parents[1]
 BOX = ROOT / "scenes" / "cornell-box.json"
-TILE = parts.TILE
+TILE = work_items.TILE
 SIZE = (3 * TILE + 5, 2 * TILE + 3)
 WAYS = {
     "uniform": {"spp": 64},
@@ -298,8 +298,8 @@ def test_a_picture_that_cannot_be_written_goes_elsewhere(scene, tmp_path, monkey
 PROGRAM = """
 import itertools, os, sys, time
 from raytrace import checkpoint, run
-from raytrace.cli import main
-from raytrace.crew import Crew
+from raytrace.cli.main import main
+from raytrace.rendering.threads import Crew
 checkpoint.EVERY, checkpoint.SHARE = 0.0, 1e9
 run.first_pass = lambda spp, seconds: 1  # the film is drawn in passes, however quick the machine is
 draw, parts = Crew.draw, itertools.count()

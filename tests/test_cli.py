@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import raytrace
-from raytrace import cli
+from raytrace.cli import main
 from raytrace.errors import FileError, SceneError
 
 BOX = str(Path(__file__).parent.parent / "scenes" / "cornell-box.json")
@@ -81,7 +81,7 @@ def python(*words, **options):
 def test_help_and_mistakes_import_nothing_heavy(words):
     program = f"""
 import sys
-from raytrace.cli import main
+from raytrace.cli.main import main
 try:
     main({words!r})
 except SystemExit:
@@ -98,10 +98,10 @@ def test_the_module_runs_as_a_program():
 
 def test_help_leads_with_examples_and_names_every_verb(capsys):
     with pytest.raises(SystemExit, match="0"):
-        cli.main(["--help"])
+        main.main(["--help"])
     text = capsys.readouterr().out
     assert text.index("examples:") < text.index("options:")
-    assert all(f"\n  {verb} " in text for verb in cli.VERBS)
+    assert all(f"\n  {verb} " in text for verb in main.VERBS)
 
 
 # render ---------------------------------------------------------------------------------------------------------------
@@ -109,14 +109,14 @@ def test_help_leads_with_examples_and_names_every_verb(capsys):
 
 @pytest.mark.parametrize("verb", [[], ["render"]])
 def test_a_first_word_that_is_no_verb_is_a_scene(library, capsys, verb):
-    assert cli.main([*verb, "rooms/box.v2.json"]) == 0
+    assert main.main([*verb, "rooms/box.v2.json"]) == 0
     assert library.asked == [(Path("rooms/box.v2.json"), {})]
     assert library.image.saved == (Path("box.v2.png"), 0.0)  # in the current folder, not beside the scene
     assert capsys.readouterr().out == "box.v2.png\n"
 
 
 def test_options_may_stand_before_the_scene(library):
-    assert cli.main(["--quiet", "--spp", "4", "box.json"]) == 0
+    assert main.main(["--quiet", "--spp", "4", "box.json"]) == 0
     assert library.asked == [(Path("box.json"), {"spp": 4})]
 
 
@@ -135,12 +135,12 @@ def test_options_may_stand_before_the_scene(library):
     ],
 )
 def test_options_reach_the_renderer(library, words, asked):
-    assert cli.main(["box.json", *words.split()]) == 0
+    assert main.main(["box.json", *words.split()]) == 0
     assert library.asked == [(Path("box.json"), asked)]
 
 
 def test_exposure_and_output_reach_the_file(library, capsys):
-    assert cli.main(["box.json", "-o", "a.png", "--exposure", "-1.5"]) == 0
+    assert main.main(["box.json", "-o", "a.png", "--exposure", "-1.5"]) == 0
     assert library.image.saved == (Path("a.png"), -1.5)
     assert capsys.readouterr().out == "a.png\n"
 
@@ -164,13 +164,13 @@ def test_exposure_and_output_reach_the_file(library, capsys):
 )
 def test_a_wrong_option_says_what_was_expected(library, capsys, words, reason):
     with pytest.raises(SystemExit, match="2"):
-        cli.main(["box.json", *words.split()])
+        main.main(["box.json", *words.split()])
     assert reason in capsys.readouterr().err
     assert not library.asked
 
 
 def test_layers_are_refused_for_a_png(library, capsys):
-    assert cli.main(["box.json", "--aov", "depth"]) == 2
+    assert main.main(["box.json", "--aov", "depth"]) == 2
     assert (
         capsys.readouterr().err == "raytrace: error: --aov: a PNG has no room for layers; use -o box.exr or box.npz\n"
     )
@@ -180,7 +180,7 @@ def test_layers_are_refused_for_a_png(library, capsys):
 @pytest.mark.parametrize("output", ["missing/a.png", "a.jpg", "a", "folder.png"])
 def test_an_output_that_cannot_be_written_is_found_before_rendering(library, capsys, output):
     Path("folder.png").mkdir()
-    assert cli.main(["box.json", "-o", output]) == 4
+    assert main.main(["box.json", "-o", output]) == 4
     out, err = capsys.readouterr()
     assert (out, len(err.splitlines())) == ("", 1)
     assert err.startswith(f"{output}: ")
@@ -189,7 +189,7 @@ def test_an_output_that_cannot_be_written_is_found_before_rendering(library, cap
 
 def test_messages_go_to_stderr_and_no_bar_is_drawn_off_a_terminal(library, capsys):
     library.warnings = ("box.json:3:5: fov: 200 degrees is very wide",)
-    assert cli.main(["box.json"]) == 0
+    assert main.main(["box.json"]) == 0
     out, err = capsys.readouterr()
     assert out == "box.png\n"
     warning, compiling, summary = err.splitlines()
@@ -200,12 +200,12 @@ def test_messages_go_to_stderr_and_no_bar_is_drawn_off_a_terminal(library, capsy
 
 def test_quiet_says_nothing_but_the_path(library, capsys):
     library.warnings = ("strange",)
-    assert cli.main(["box.json", "--quiet"]) == 0
+    assert main.main(["box.json", "--quiet"]) == 0
     assert capsys.readouterr() == ("box.png\n", "")
 
 
 def test_json_is_one_object_without_infinities(library, capsys):
-    assert cli.main(["box.json", "--json"]) == 0
+    assert main.main(["box.json", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told.pop("seconds") > 0
     stats = {"estimated_error": 0.002, "target_reached": None, "rays": 8, "error": None, "pass": {"camera": [0.5]}}
@@ -216,20 +216,20 @@ def test_json_is_one_object_without_infinities(library, capsys):
 
 def test_a_time_limit_saves_what_is_finished_and_says_so(library, capsys):
     library.image.complete = False
-    assert cli.main(["box.json", "--time-limit", "1"]) == 0
+    assert main.main(["box.json", "--time-limit", "1"]) == 0
     assert "time limit reached at 16 samples per pixel\n" in capsys.readouterr().err
     assert Path("box.png").exists()
 
 
 def test_a_target_that_is_not_reached_is_told(library, capsys):
     library.image.stats["target_reached"], library.image.provenance["spp"] = False, 64
-    assert cli.main(["box.json", "--target-error", "1e-5", "--spp", "64"]) == 0
+    assert main.main(["box.json", "--target-error", "1e-5", "--spp", "64"]) == 0
     assert "target error 1e-05 not reached with 64 samples a pixel\n" in capsys.readouterr().err
 
 
 def test_an_interrupt_saves_what_is_finished_and_leaves_with_130(library, capsys):
     library.image.complete, library.image.interrupted = False, True
-    assert cli.main(["box.json"]) == 130
+    assert main.main(["box.json"]) == 130
     out, err = capsys.readouterr()
     assert out == "box.png\n"
     assert "interrupted at 16 samples per pixel\n" in err
@@ -240,7 +240,7 @@ def test_an_interrupt_before_anything_is_finished_keeps_an_older_picture(library
     library.image.complete, library.image.interrupted = False, True
     library.image.provenance["samples"] = 0
     Path("box.png").write_bytes(b"older")
-    assert cli.main(["box.json"]) == 130
+    assert main.main(["box.json"]) == 130
     assert "nothing was saved" in capsys.readouterr().err
     assert Path("box.png").read_bytes() == b"older"
 
@@ -250,7 +250,7 @@ def test_an_interrupt_before_anything_is_finished_keeps_an_older_picture(library
 
 @pytest.mark.parametrize(("word", "verb"), [("explian", "explain"), ("rendr", "render"), ("doctr", "doctor")])
 def test_a_misspelt_verb_gets_a_suggestion(library, capsys, word, verb):
-    assert cli.main([word, "box.json"]) == 2
+    assert main.main([word, "box.json"]) == 2
     assert (
         capsys.readouterr().err == f"raytrace: error: '{word}' is neither a verb nor a file; did you mean '{verb}'?\n"
     )
@@ -258,8 +258,8 @@ def test_a_misspelt_verb_gets_a_suggestion(library, capsys, word, verb):
 
 def test_a_file_whose_name_is_like_a_verb_is_a_scene(library):
     Path("explian").touch()
-    assert cli.main(["explian", "--quiet"]) == 0
-    assert cli.main(["explian.json", "--quiet"]) == 0
+    assert main.main(["explian", "--quiet"]) == 0
+    assert main.main(["explian.json", "--quiet"]) == 0
     assert [scene for scene, _ in library.asked] == [Path("explian"), Path("explian.json")]
 
 
@@ -276,7 +276,7 @@ def test_a_file_whose_name_is_like_a_verb_is_a_scene(library):
 @pytest.mark.parametrize("verb", ["render", "check", "explain"])
 def test_every_failure_is_told_without_a_traceback(library, capsys, verb, problem, code, told):
     library.problem = problem
-    assert cli.main([verb, "a.json"]) == code
+    assert main.main([verb, "a.json"]) == code
     out, err = capsys.readouterr()
     assert out == ""
     assert told in err
@@ -287,7 +287,7 @@ def test_the_traceback_of_an_internal_failure_can_be_had(library, monkeypatch):
     library.problem = ZeroDivisionError("by zero")
     monkeypatch.setenv("RAYTRACE_DEBUG", "1")
     with pytest.raises(ZeroDivisionError):
-        cli.main(["a.json"])
+        main.main(["a.json"])
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes of another kind")
@@ -315,34 +315,32 @@ def test_a_full_disk_is_told_in_one_line():
 
 def test_check_tells_warnings_and_ok(library, capsys):
     library.warnings = ("material grey: not used",)
-    assert cli.main(["check", "box.json"]) == 0
+    assert main.main(["check", "box.json"]) == 0
     assert capsys.readouterr() == ("warning: material grey: not used\nbox.json: ok\n", "")
     assert not library.asked
 
 
 def test_explain_prints_the_plan(library, capsys, monkeypatch):
     monkeypatch.setattr(raytrace, "explain", lambda scene: f"the plan of {scene.source}", raising=False)
-    assert cli.main(["explain", "box.json"]) == 0
+    assert main.main(["explain", "box.json"]) == 0
     assert capsys.readouterr().out == "the plan of box.json\n"
 
 
 def test_schema_is_json(capsys):
-    assert cli.main(["schema"]) == 0
+    assert main.main(["schema"]) == 0
     assert "properties" in json.loads(capsys.readouterr().out)
 
 
 @pytest.mark.parametrize(("failures", "code"), [(0, 0), (3, 5)])
 def test_report_runs_the_hard_cases_and_fails_if_ours_do(tmp_path, monkeypatch, capsys, failures, code):
-    from raytrace.reporting import hard_cases, hard_table
+    from raytrace.hardcases import suite, table
 
     outcome = SimpleNamespace(our_failures=failures)
-    monkeypatch.setattr(hard_cases, "run", lambda progress: outcome)
-    monkeypatch.setattr(hard_table, "text", lambda found: "the table" if found is outcome else "")
-    monkeypatch.setattr(
-        hard_table, "write", lambda found, folder: [folder / "hard-cases.json", folder / "hard-cases.md"]
-    )
+    monkeypatch.setattr(suite, "run", lambda progress: outcome)
+    monkeypatch.setattr(table, "text", lambda found: "the table" if found is outcome else "")
+    monkeypatch.setattr(table, "write", lambda found, folder: [folder / "hard-cases.json", folder / "hard-cases.md"])
     folder = tmp_path / "new" / "folder"
-    assert cli.main(["report", "--hard-cases", "-o", str(folder)]) == code
+    assert main.main(["report", "--hard-cases", "-o", str(folder)]) == code
     out, err = capsys.readouterr()
     assert out.splitlines() == ["the table", "", str(folder / "hard-cases.json"), str(folder / "hard-cases.md")]
     assert err == ""
@@ -350,16 +348,16 @@ def test_report_runs_the_hard_cases_and_fails_if_ours_do(tmp_path, monkeypatch, 
 
 
 def test_report_checks_its_folder_first(tmp_path, monkeypatch, capsys):
-    from raytrace.reporting import hard_cases
+    from raytrace.hardcases import suite
 
-    monkeypatch.setattr(hard_cases, "run", lambda progress: pytest.fail("time was spent"))
+    monkeypatch.setattr(suite, "run", lambda progress: pytest.fail("time was spent"))
     (tmp_path / "file").touch()
-    assert cli.main(["report", "--hard-cases", "-o", str(tmp_path / "file")]) == 4
+    assert main.main(["report", "--hard-cases", "-o", str(tmp_path / "file")]) == 4
     assert "can't be made" in capsys.readouterr().err
 
 
 def test_doctor_prints_a_fact_a_line(capsys):
-    assert cli.main(["doctor"]) == 0
+    assert main.main(["doctor"]) == 0
     facts = [line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines()]
     assert ["raytrace", raytrace.__version__] in facts
 
@@ -370,7 +368,7 @@ def test_doctor_prints_a_fact_a_line(capsys):
 def test_a_scene_becomes_a_picture(tmp_path, capsys):
     path = tmp_path / "box.npz"
     small = ["--size", "8x8", "--crop", "0,2,8,6", "--spp", "2", "--quiet"]
-    assert cli.main([BOX, *small, "--aov", "depth", "-o", str(path)]) == 0
+    assert main.main([BOX, *small, "--aov", "depth", "-o", str(path)]) == 0
     assert capsys.readouterr() == (f"{path}\n", "")
     with np.load(path) as file:
         assert file["rgb"].shape == (6, 8, 3)
@@ -383,10 +381,10 @@ def test_a_picture_compares_with_itself_and_not_with_another(tmp_path, capsys):
     one, other = str(tmp_path / "one.npz"), str(tmp_path / "other.npz")
     for seed, path in enumerate((one, other)):
         small = ["--size", "16x16", "--spp", "1", "--sampler", "independent", "--quiet"]
-        assert cli.main([BOX, *small, "--seed", str(seed), "-o", path]) == 0
-    assert cli.main(["compare", one, one, "--max-rmse", "0", "--json"]) == 0
+        assert main.main([BOX, *small, "--seed", str(seed), "-o", path]) == 0
+    assert main.main(["compare", one, one, "--max-rmse", "0", "--json"]) == 0
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["rmse"] == 0
-    assert cli.main(["compare", one, other, "--max-rmse", "0"]) == 5
+    assert main.main(["compare", one, other, "--max-rmse", "0"]) == 5
     out, err = capsys.readouterr()
     assert "rmse" in out
     assert "rmse" in err
@@ -395,12 +393,12 @@ def test_a_picture_compares_with_itself_and_not_with_another(tmp_path, capsys):
 def test_pictures_of_different_size_differ(tmp_path, capsys):
     for size in (16, 17):
         np.savez(tmp_path / f"{size}.npz", rgb=np.ones((size, size, 3), np.float32))
-    assert cli.main(["compare", str(tmp_path / "16.npz"), str(tmp_path / "17.npz")]) == 5
+    assert main.main(["compare", str(tmp_path / "16.npz"), str(tmp_path / "17.npz")]) == 5
     assert "different size" in capsys.readouterr().err
 
 
 def test_warmup_leaves_nothing_to_compile(capsys):
-    assert cli.main(["warmup"]) == 0
+    assert main.main(["warmup"]) == 0
     assert capsys.readouterr().out.startswith("kernels ready after ")
 
 
@@ -426,20 +424,20 @@ def measured(library, monkeypatch):
 
 
 def test_report_prints_the_table_and_the_page_last(measured, capsys):
-    assert cli.main(["report", "box.json", "-o", "out"]) == 0
+    assert main.main(["report", "box.json", "-o", "out"]) == 0
     assert measured.asked == [(Path("box.json"), Path("out"), {"reference": None, "budget": 60.0, "size": None})]
     assert capsys.readouterr().out.splitlines() == ["the table", "out/report.json", "out/report.html"]
 
 
 def test_options_of_a_report_reach_it(measured):
     words = ["--reference", "truth.exr", "--budget", "7.5", "--size", "64x48"]
-    assert cli.main(["report", "box.json", "-o", "out", *words]) == 0
+    assert main.main(["report", "box.json", "-o", "out", *words]) == 0
     assert measured.asked[0][2] == {"reference": Path("truth.exr"), "budget": 7.5, "size": (64, 48)}
 
 
 def test_an_interrupted_report_leaves_with_130(measured):
     measured.found.interrupted = True
-    assert cli.main(["report", "box.json", "-o", "out"]) == 130
+    assert main.main(["report", "box.json", "-o", "out"]) == 130
 
 
 @pytest.mark.parametrize(
@@ -455,7 +453,7 @@ def test_an_interrupted_report_leaves_with_130(measured):
 )
 def test_a_wrong_report_says_what_was_expected(measured, capsys, words, told):
     try:
-        code = cli.main(["report", *words])
+        code = main.main(["report", *words])
     except SystemExit as left:
         code = left.code
     assert code == 2
@@ -469,7 +467,7 @@ def test_every_limit_of_a_comparison_is_an_option(tmp_path, capsys):
     np.savez(tmp_path / "light.npz", rgb=light)
     pair = ["compare", str(tmp_path / "light.npz"), str(tmp_path / "dark.npz")]
     for option in ("rmse", "rmse-srgb", "relative-mse", "bias", "worst-tile", "outliers"):
-        assert cli.main([*pair, f"--max-{option}", "0.01"]) == 5
+        assert main.main([*pair, f"--max-{option}", "0.01"]) == 5
         assert len(capsys.readouterr().err.splitlines()) == (3 if option == "bias" else 1)
-    assert cli.main([*pair, "--min-ssim", "0.999"]) == 5
-    assert cli.main(pair) == 0
+    assert main.main([*pair, "--min-ssim", "0.999"]) == 5
+    assert main.main(pair) == 0

@@ -22,8 +22,8 @@ pytest.importorskip("distributed", reason="needs Dask: pip install '.[cluster]'"
 import dask
 from distributed import Client
 
-from raytrace import cluster
-from raytrace.cluster import connect
+from raytrace.rendering import cluster
+from raytrace.rendering.cluster import connect
 
 ROOT = Path(__file__).parents[1]
 BOX = ROOT / "scenes" / "cornell-box.json"

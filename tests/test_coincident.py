@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace.cli import main
+from raytrace.cli.main import main
 from raytrace.errors import SceneWarning
 from raytrace.scene.checks import warnings_of
 from raytrace.scene.coincident import coincidences

@@ -5,7 +5,8 @@ import os
 
 import pytest
 
-from raytrace import cores, doctor
+from raytrace import cores
+from raytrace.cli import doctor
 from raytrace.parallel import thread_count
 
 pytestmark = pytest.mark.nojit

@@ -5,7 +5,7 @@ import pytest
 
 import raytrace as rt
 from raytrace.accel import query
-from raytrace.accel.door import columns_of
+from raytrace.accel.inputs import columns_of
 from raytrace.accel.lanes import BITS
 from raytrace.records import Hits, Rays
 from shipped_scenes import SCENES, load

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace import cli
-from raytrace.image import srgb8
+from raytrace.cli import main
+from raytrace.image.files import srgb8
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "raytrace" / "scene" / "demo"
@@ -41,17 +41,17 @@ def test_its_image_is_well_exposed_and_shows_every_object():
 
 def test_the_command_renders_it_to_demo_png_in_the_current_folder(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert cli.main(["demo", "--spp", "1", "--size", "16x12", "--quiet"]) == 0
+    assert main.main(["demo", "--spp", "1", "--size", "16x12", "--quiet"]) == 0
     assert capsys.readouterr() == ("demo.png\n", "")
     assert [path.name for path in tmp_path.iterdir()] == ["demo.png"]
-    assert cli.main(["demo", "--spp", "1", "--size", "16x12", "--quiet", "-o", "b.npz", "--aov", "depth"]) == 0
+    assert main.main(["demo", "--spp", "1", "--size", "16x12", "--quiet", "-o", "b.npz", "--aov", "depth"]) == 0
     assert capsys.readouterr().out == "b.npz\n"
 
 
 @pytest.mark.parametrize("words", [["demo", "scene.json"], ["demo", "--root", "."]])
 def test_the_command_takes_no_scene(words, capsys):
     with pytest.raises(SystemExit, match="2"):
-        cli.main(words)
+        main.main(words)
     assert "unrecognized arguments" in capsys.readouterr().err
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace.image import srgb_encode
+from raytrace.image.files import srgb_encode
 from raytrace.jit import interpreted
 from raytrace.passes.estimate import MODELS, Model, displayed, estimate, root_mean
 from raytrace.passes.film import LUMINANCE, bin_counts, make_film

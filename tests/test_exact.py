@@ -7,7 +7,7 @@ import pytest
 
 import exact
 import rays
-from raytrace.reporting.exact import EDGE, INTERIOR, VERTEX, Oracle
+from raytrace.hardcases.oracle import EDGE, INTERIOR, VERTEX, Oracle
 
 KINDS = {"interior": INTERIOR, "edge": EDGE, "vertex": VERTEX}
 

@@ -6,9 +6,9 @@ import struct
 import numpy as np
 import pytest
 
-from raytrace import image, read_exr
 from raytrace.errors import FileError
-from raytrace.exr_chunks import are_whole
+from raytrace.image import files, read_exr
+from raytrace.image.exr_chunks import are_whole
 
 OpenEXR = pytest.importorskip("OpenEXR")
 PLANE = np.random.default_rng(0).random((37, 21), np.float32)
@@ -40,15 +40,15 @@ def test_common_files_are_known_to_be_whole(tmp_path, unguarded, compression, dt
         header = {"compression": getattr(OpenEXR, f"{compression}_COMPRESSION"), "lineOrder": order}
         data = made(tmp_path, plane, **header, dataWindow=lies, displayWindow=lies)
         assert are_whole(data)
-        assert (image.load(tmp_path / "a.exr").rgb[:, :, 0] == plane).all()
+        assert (files.load(tmp_path / "a.exr").rgb[:, :, 0] == plane).all()
 
 
 def test_what_is_written_here_is_known_to_be_whole(tmp_path, unguarded):
     rgb = np.dstack([PLANE] * 3)
     layers = {"samples": np.ones(PLANE.shape, np.int32), "normal": rgb}
-    path = image.save(tmp_path / "a.exr", rgb, stderr=PLANE, aov=layers, provenance={"seed": 1})
+    path = files.save(tmp_path / "a.exr", rgb, stderr=PLANE, aov=layers, provenance={"seed": 1})
     assert are_whole(path.read_bytes())
-    assert (image.load(path).rgb == rgb).all()
+    assert (files.load(path).rgb == rgb).all()
 
 
 def test_of_other_kinds_nothing_is_known(tmp_path):
@@ -75,7 +75,7 @@ def test_what_is_known_to_be_whole_makes_no_noise(tmp_path, capfd, compression, 
             known += 1
             (tmp_path / "a.exr").write_bytes(broken)
             try:
-                image.load(tmp_path / "a.exr")
+                files.load(tmp_path / "a.exr")
             except FileError as error:
                 known += "\n" in str(error)
     assert known > 20
@@ -87,6 +87,6 @@ def test_a_broken_file_is_one_line_and_stderr_comes_back(tmp_path, capfd, compre
     data = made(tmp_path, np.float32(np.arange(777) % 5).reshape(37, 21), compression=compression)
     (tmp_path / "a.exr").write_bytes(data[:-100] + bytes([255]) * 90 + data[-10:])
     with pytest.raises(FileError, match="not a whole EXR image"):
-        image.load(tmp_path / "a.exr")
+        files.load(tmp_path / "a.exr")
     os.write(2, b"heard")
     assert capfd.readouterr() == ("", "heard")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace import cli
+from raytrace.cli import main
 from raytrace.errors import FileError, SceneError
 from raytrace.scene.files import Reach
 from scene_files import CUBE, TRIANGLE, scene, triangle_glb, write
@@ -139,11 +139,11 @@ def test_a_root_is_allowed_beside_the_own_folder(outside):
 
 def test_the_command_line_allows_a_root(outside, capsys):
     path = str(write(outside / "scene", of("../outside/cube.obj")))
-    assert cli.main(["check", path]) == 3
+    assert main.main(["check", path]) == 3
     assert "--root DIR" in capsys.readouterr().err
     for verb in ("check", "explain"):
-        assert cli.main([verb, path, "--root", str(outside)]) == 0
-    assert cli.main(["check", path, "--root", str(outside / "nowhere")]) == 4
+        assert main.main([verb, path, "--root", str(outside)]) == 0
+    assert main.main(["check", path, "--root", str(outside / "nowhere")]) == 4
 
 
 def test_a_dict_reads_below_the_current_folder_and_what_a_program_names_by_a_path(outside, monkeypatch):

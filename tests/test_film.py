@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rays
-from raytrace.canvas import ALL
 from raytrace.passes.film import BINS, LUMINANCE, accumulate, bin_counts, develop, make_film, make_frame, put, taken
+from raytrace.rendering.film_tiles import ALL
 
 PRECISIONS = ("float32", "float64")
 

@@ -9,7 +9,7 @@ import pytest
 
 import raytrace as rt
 from raytrace.errors import FileError
-from raytrace.fingerprint import fingerprint
+from raytrace.scene.fingerprint import fingerprint
 from same_pictures import assert_same
 from small_scenes import studio
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace.scene.given import is_mesh
+from raytrace.scene.meshes.given import is_mesh
 from scene_files import scene, write
 
 ROOT = Path(__file__).parents[1]

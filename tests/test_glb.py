@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from raytrace.scene.glb import MAX_JSON, read_glb
-from raytrace.scene.rawmesh import concatenate
+from raytrace.scene.meshes.glb import MAX_JSON, read_glb
+from raytrace.scene.meshes.raw_mesh import concatenate
 from scene_files import glb, triangle_glb
 
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 2, 1]], "<f4")

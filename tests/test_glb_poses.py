@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gltf_files import CORNERS, FIRST, SQUARE, File, area, read, skinned
-from raytrace.scene.glb import read_glb, read_gltf
-from raytrace.scene.mesh_errors import TooLargeError, TooManyTrianglesError, UnsupportedError
-from raytrace.scene.rawmesh import concatenate
+from raytrace.scene.meshes.errors import TooLargeError, TooManyTrianglesError, UnsupportedError
+from raytrace.scene.meshes.glb import read_glb, read_gltf
+from raytrace.scene.meshes.raw_mesh import concatenate
 from scene_files import glb
 
 # ---- morph targets -------------------------------------------------------------------------------------------------
@@ -258,7 +258,7 @@ def test_triangles_are_counted_before_any_is_made(monkeypatch):
     file = File()
     file.json["nodes"] = [{"children": list(range(1, 300))}] + [{"mesh": 0}] * 299
     assert len(read(file).faces) == 598
-    monkeypatch.setattr("raytrace.scene.glb._mesh", None)
+    monkeypatch.setattr("raytrace.scene.meshes.glb._mesh", None)
     with pytest.raises(TooManyTrianglesError, match="it places 598 triangles"):
         read_glb(file.glb(), 500)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gltf_files import FIRST, SQUARE, File, read, skinned
-from raytrace.scene.glb import read_glb
+from raytrace.scene.meshes.glb import read_glb
 
 
 def shift(x, y, z):

@@ -14,12 +14,12 @@ import pytest
 import naive
 import raytrace as rt
 from naive_sampling import film_points
-from raytrace import image
 from raytrace.golden.check import Golden
 from raytrace.golden.gates import Gates, judge
-from raytrace.golden.light import to_light
 from raytrace.golden.noise import mean_of
+from raytrace.golden.pixels import to_light
 from raytrace.golden.store import Approved
+from raytrace.image import files
 from small_scenes import studio
 
 # what the bugs call where the monkeypatch put them in its place
@@ -156,7 +156,7 @@ def normals_of_first_corner(corners, weights):
 
 
 def srgb_in_the_film(scene, film_xy):
-    return image.srgb_encode(REAL["render"](scene, film_xy))
+    return files.srgb_encode(REAL["render"](scene, film_xy))
 
 
 CODE_BUGS = [
@@ -254,7 +254,7 @@ PICTURE_BUGS = {
     "3 % brighter": lambda rgb: 1.03 * rgb,
     "half a pixel off": lambda rgb: (rgb + np.roll(rgb, 1, axis=1)) / 2,
     "upside down": lambda rgb: rgb[::-1],
-    "sRGB in the film": image.srgb_encode,
+    "sRGB in the film": files.srgb_encode,
     "a tile lost": tile_lost,
 }
 
@@ -262,4 +262,4 @@ PICTURE_BUGS = {
 @pytest.mark.parametrize("stored", sorted((Path(__file__).parent / "golden").glob("*.npz")), ids=lambda path: path.stem)
 @pytest.mark.parametrize("bug", PICTURE_BUGS.values(), ids=PICTURE_BUGS.keys())
 def test_bug_in_the_picture_turns_every_gate_red(stored, bug, approved):
-    red(approved, bug(image.load(stored).rgb), stored.stem)
+    red(approved, bug(files.load(stored).rgb), stored.stem)

@@ -5,11 +5,11 @@ import re
 import numpy as np
 import pytest
 
-from raytrace import image
 from raytrace.errors import FileError
 from raytrace.golden import store
 from raytrace.golden.check import Golden
-from raytrace.golden.place import Place
+from raytrace.golden.locations import Place
+from raytrace.image import files
 from test_golden_gates import DEFECTS, noisy, scene
 from test_page import Reader
 
@@ -44,7 +44,7 @@ def test_a_missing_golden_fails_says_how_to_write_it_and_shows_the_picture(place
 def test_update_writes_what_then_passes(place):
     assert write(place, scene())
     assert files(place.root) == ["tests/golden/box.npz", "tests/golden/box.png"]
-    assert (image.load(place.folder / "box.npz").rgb == scene()).all()
+    assert (files.load(place.folder / "box.npz").rgb == scene()).all()
     assert check(place, scene())
     assert files(place.root) == ["tests/golden/box.npz", "tests/golden/box.png"]
 
@@ -98,7 +98,7 @@ def test_a_failure_leaves_a_page_and_tells_its_numbers_in_one_line(place, name):
     assert not re.findall(r"https?://|@import|url\(", page)
     assert ("magenta" in page) == (name == "a NaN")
     np.testing.assert_array_equal(
-        image.load(place.root / "left/tests/golden/box.actual.npz").rgb, np.float32(DEFECTS[name])
+        files.load(place.root / "left/tests/golden/box.actual.npz").rgb, np.float32(DEFECTS[name])
     )
     assert (place.folder / "box.npz").read_bytes() == before  # only --update-goldens writes a golden
 
@@ -130,11 +130,11 @@ def test_limits_come_from_the_configuration_and_then_from_the_call(place):
 
 
 def test_bytes_and_files_are_goldens_too(place, tmp_path):
-    codes = image.srgb8(scene())
+    codes = files.srgb8(scene())
     write(place, codes)
     verdict = check(place, codes)
     assert verdict.comparison.rmse < 1e-8  # of float32
-    image.save(tmp_path / "a.png", scene())
+    files.save(tmp_path / "a.png", scene())
     assert check(place, tmp_path / "a.png")
     with pytest.raises(AssertionError, match="bias"):
         check(place, codes, encoding="linear")
@@ -187,12 +187,12 @@ def test_light_that_a_file_cannot_hold_is_no_golden_and_fails_in_words(place):
     write(place, scene())
     with pytest.raises(AssertionError, match="relative bias"):
         check(place, 1e39 * scene().astype(np.float64))
-    assert np.isinf(image.load(place.root / "left/tests/golden/box.actual.npz").rgb).any()
+    assert np.isinf(files.load(place.root / "left/tests/golden/box.actual.npz").rgb).any()
 
 
 @pytest.mark.parametrize("pictures", ["four", 0, -1, 2.5, [3], None, True, 10**30, float("nan")])
 def test_a_golden_of_no_number_of_pictures_is_one_line(place, pictures):
-    path = image.save(place.root / "box.npz", scene(), stderr=scene()[:, :, 0], provenance={"pictures": pictures})
+    path = files.save(place.root / "box.npz", scene(), stderr=scene()[:, :, 0], provenance={"pictures": pictures})
     with pytest.raises(FileError, match="its provenance has no whole number of pictures; write it anew"):
         store.read(path)
 
@@ -201,12 +201,12 @@ def test_a_golden_of_no_number_of_pictures_is_one_line(place, pictures):
 def test_a_golden_of_broken_numbers_is_one_line(place, wrong):
     stderr = np.abs(scene()[:, :, 0])
     stderr[2, 3] = wrong
-    path = image.save(place.root / "box.npz", scene(), stderr=stderr, provenance={"pictures": 4})
+    path = files.save(place.root / "box.npz", scene(), stderr=stderr, provenance={"pictures": 4})
     with pytest.raises(FileError, match="has standard errors that are none; write it anew"):
         store.read(path)
     if not np.isfinite(wrong):
         broken = scene()
         broken[2, 3] = wrong
-        path = image.save(place.root / "other.npz", broken)
+        path = files.save(place.root / "other.npz", broken)
         with pytest.raises(FileError, match="has pixels that aren't finite; write it anew"):
             store.read(path)

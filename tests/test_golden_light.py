@@ -8,8 +8,8 @@ import pytest
 from PIL import Image, ImageCms
 
 import raytrace as rt
-from raytrace import image
-from raytrace.golden.light import to_light
+from raytrace.golden.pixels import to_light
+from raytrace.image import files
 from small_scenes import studio
 
 RGB = np.random.default_rng(1).uniform(size=(6, 5, 3))
@@ -24,11 +24,11 @@ def test_a_render_is_its_light():
 @pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
 def test_floats_are_linear_light_unless_told_otherwise(dtype):
     np.testing.assert_array_equal(to_light(RGB.astype(dtype)), RGB.astype(dtype))
-    np.testing.assert_array_equal(to_light(RGB.astype(dtype), "srgb"), image.srgb_decode(RGB.astype(dtype)))
+    np.testing.assert_array_equal(to_light(RGB.astype(dtype), "srgb"), files.srgb_decode(RGB.astype(dtype)))
 
 
 def test_bytes_are_srgb_codes_unless_told_otherwise():
-    np.testing.assert_array_equal(to_light(CODES), image.srgb_decode(CODES / 255))
+    np.testing.assert_array_equal(to_light(CODES), files.srgb_decode(CODES / 255))
     np.testing.assert_array_equal(to_light(CODES, "linear"), CODES / 255)
 
 
@@ -39,9 +39,9 @@ def test_a_picture_of_pillow_is_an_array():
 @pytest.mark.parametrize("ending", ["png", "exr", "npz"])
 def test_a_file_says_itself_what_it_holds(tmp_path, ending):
     path = tmp_path / f"a.{ending}"
-    image.save(path, RGB)
-    np.testing.assert_array_equal(to_light(path), image.load(path).rgb)
-    np.testing.assert_array_equal(to_light(str(path)), image.load(path).rgb)
+    files.save(path, RGB)
+    np.testing.assert_array_equal(to_light(path), files.load(path).rgb)
+    np.testing.assert_array_equal(to_light(str(path)), files.load(path).rgb)
     with pytest.raises(ValueError, match="leave the encoding out"):
         to_light(path, "srgb")
 
@@ -108,7 +108,7 @@ MODES = ["1", "L", "LA", "La", "P", "PA", "RGB", "RGBA", "RGBX", "RGBa", "CMYK",
 def test_a_picture_of_pillow_is_its_colours_in_any_mode(mode):
     picture, codes = made(mode)
     assert picture.mode == mode
-    off = np.abs(image.srgb8(to_light(picture)).astype(int) - codes)
+    off = np.abs(files.srgb8(to_light(picture)).astype(int) - codes)
     assert off.max() <= TOLERANCE.get(mode, 0)
     assert off.mean() <= 3
     assert to_light(picture).shape == (6, 5, 3)
@@ -167,7 +167,7 @@ def test_numbers_of_mode_f_need_an_encoding():
         to_light(picture)
     np.testing.assert_array_equal(to_light(picture, "linear")[:, :, 1], RGB[:, :, 0].astype(np.float32))
     codes = RGB[:, :, 0].astype(np.float32)
-    np.testing.assert_array_equal(to_light(picture, "srgb")[:, :, 1], image.srgb_decode(codes))
+    np.testing.assert_array_equal(to_light(picture, "srgb")[:, :, 1], files.srgb_decode(codes))
 
 
 def test_a_profile_of_a_picture_of_pillow_is_looked_at():

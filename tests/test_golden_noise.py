@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from raytrace.golden.noise import Noise, critical, mean_of, noise_of
-from raytrace.image import LUMINANCE
+from raytrace.image.files import LUMINANCE
 
 
 def draw(seed):

@@ -12,12 +12,12 @@ import pytest
 from PIL import Image
 
 from raytrace.golden.gates import Gates, judge
+from raytrace.golden.locations import Place
 from raytrace.golden.page import BRIGHTER, DARKER, NOT_FINITE, Failure, page
-from raytrace.golden.place import Place
 from raytrace.golden.spots import Spot, find, largest_channel, scale_of
 from raytrace.golden.store import Approved
-from raytrace.image import LUMINANCE
-from raytrace.reporting.error import compare
+from raytrace.image.files import LUMINANCE
+from raytrace.image.metrics import compare
 from test_page import Reader
 
 WHITE = (255, 255, 255)

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytrace.golden import place as module
+from raytrace.golden import locations as module
 from raytrace.golden.check import Golden
-from raytrace.golden.place import Place, relative
+from raytrace.golden.locations import Place, relative
 
 GREY = np.full((16, 16, 3), 0.5)
 NAMES = [

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from raytrace.reporting import hard_cases
-from raytrace.reporting.hard_cases import Outcome, Score, run
-from raytrace.reporting.tracers import Baseline, Lit, Ours
+from raytrace.hardcases import suite
+from raytrace.hardcases.suite import Outcome, Score, run
+from raytrace.hardcases.tracers import Baseline, Lit, Ours
 
 STEP = 7  # every 7th ray of each case: a prime, so that no kind of ray is left out
 PRECISIONS = ("float32", "float64")
@@ -37,10 +37,10 @@ class Changed(Ours):
 def few(monkeypatch):
     """A few cases of every kind, for faults that are planted."""
     names = "cube, from", "lattice rays", "huge", "duplicates", "grazing", "ends", "not finite"
-    kept = [case for case in hard_cases.cases() if any(name in case.name for name in names)]
-    lit = [case for case in hard_cases.shadow_cases() if "1e+00" in case.name or "sphere, scale 1e+06" in case.name]
-    monkeypatch.setattr(hard_cases, "cases", lambda: kept)
-    monkeypatch.setattr(hard_cases, "shadow_cases", lambda: lit)
+    kept = [case for case in suite.cases() if any(name in case.name for name in names)]
+    lit = [case for case in suite.shadow_cases() if "1e+00" in case.name or "sphere, scale 1e+06" in case.name]
+    monkeypatch.setattr(suite, "cases", lambda: kept)
+    monkeypatch.setattr(suite, "shadow_cases", lambda: lit)
     return len(kept) + len(lit)
 
 
@@ -73,7 +73,7 @@ def test_the_other_triangle_test_answers_every_case_along_every_path():
     for tracer in others:
         assert outcome.total(tracer).rays > 2500
         assert outcome.total(tracer).failures > 300
-    for case in hard_cases.cases():
+    for case in suite.cases():
         query = case.query("float32", STEP)
         for hits in others[0].nearest(query):
             assert ((hits.prim_id >= -1) & (hits.prim_id < len(query.faces))).all()
@@ -160,8 +160,8 @@ def test_scores_add_up_and_progress_is_told(few):
 
 
 def test_peers_that_are_missing_are_told(monkeypatch):
-    monkeypatch.setattr(hard_cases, "peers", lambda: ([], {"Embree": "not here"}))
-    monkeypatch.setattr(hard_cases, "tracers", list)
+    monkeypatch.setattr(suite, "peers", lambda: ([], {"Embree": "not here"}))
+    monkeypatch.setattr(suite, "tracers", list)
     outcome = run()
     assert outcome.missing == {"Embree": "not here"}
     assert outcome.tracers == ()

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import rays
-from raytrace.reporting.hard_meshes import CLOSED, choice, cubes, flat, joined, strip, turned, uniform
+from raytrace.hardcases.meshes import CLOSED, choice, cubes, flat, joined, strip, turned, uniform
 
 
 @pytest.mark.parametrize("name", CLOSED)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from raytrace.reporting.exact import Oracle
-from raytrace.reporting.hard_rays import cases
+from raytrace.hardcases.oracle import Oracle
+from raytrace.hardcases.rays import cases
 
 CASES = {case.name: case for case in cases()}
 PRECISIONS = ("float32", "float64")

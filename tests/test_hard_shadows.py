@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from raytrace.reporting.exact import Oracle
-from raytrace.reporting.hard_shadows import GAP, shadow_cases
+from raytrace.hardcases.oracle import Oracle
+from raytrace.hardcases.shadows import GAP, shadow_cases
 
 CASES = {case.name: case for case in shadow_cases()}
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace.reporting.folder import check_folder
-from raytrace.reporting.hard_cases import Outcome, Score
-from raytrace.reporting.hard_rays import cases
-from raytrace.reporting.hard_shadows import shadow_cases
-from raytrace.reporting.hard_table import (
+from raytrace.hardcases.rays import cases
+from raytrace.hardcases.shadows import shadow_cases
+from raytrace.hardcases.suite import Outcome, Score
+from raytrace.hardcases.table import (
     EXTREME,
     KINDS,
     as_json,
@@ -23,6 +22,7 @@ from raytrace.reporting.hard_table import (
     totals_table,
     write,
 )
+from raytrace.reporting.folder import check_folder
 
 NAN = float("nan")
 

@@ -45,16 +45,16 @@ FUNCTIONS = {"load", "render", "explain", "compare", "demo", "reflect", "refract
 CLASSES = {"BVH", "Render", "Scene", "Hits", "Surface", "RaytraceError", "SceneError", "FileError", "OptionError"}
 ROOMS = {"show", "textbook"}
 SUBMODULES = [
-    "rendering",
-    "picture",
-    "wavefront",
+    "rendering.rendering",
+    "rendering.result",
+    "rendering.wavefront",
     "scene.load",
     "scene.plan",
-    "reporting.error",
+    "image.metrics",
     "reporting.sweep",
     "accel.bvh",
     "optics",
-    "cli",
+    "cli.main",
 ]
 
 
@@ -107,7 +107,7 @@ def imported(program, *words):
 import sys
 before = set(sys.modules)
 import raytrace as rt
-from raytrace.cli import main
+from raytrace.cli.main import main
 try:
     {program}
 except (SystemExit, rt.RaytraceError):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import rays
+from raytrace.hardcases.judge import BACKWARD, Judge, Query, Verdict, together
 from raytrace.records import Hits
-from raytrace.reporting.judge import BACKWARD, Judge, Query, Verdict, together
 
 PRECISIONS = ("float32", "float64")
 FLOOR = np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0]]), np.array([[0, 1, 2]])

@@ -11,8 +11,8 @@ import pytest
 
 from raytrace.errors import FileError, SceneError
 from raytrace.records import DIFFUSE, REFRACTIVE
-from raytrace.scene import meshes
 from raytrace.scene.load import load
+from raytrace.scene.meshes import reading
 from scene_files import CUBE, scene, write
 
 
@@ -308,7 +308,7 @@ def test_hash_does_not_depend_on_folder_names_or_format(tmp_path):
 
 def test_each_mesh_file_is_read_once(tmp_path, monkeypatch):
     reads = []
-    monkeypatch.setattr(meshes, "_read_bytes", lambda path, allowance: reads.append(path) or CUBE.encode())
+    monkeypatch.setattr(reading, "_read_bytes", lambda path, allowance: reads.append(path) or CUBE.encode())
     load(write(tmp_path, scene(objects=[{"mesh": "cube.obj", "material": "white"}] * 3)))
     assert len(reads) == 1
 

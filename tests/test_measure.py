@@ -5,18 +5,22 @@ import itertools
 import numpy as np
 import pytest
 
+from raytrace.image.metrics import compare
 from raytrace.records import Settings
-from raytrace.rendering import render
-from raytrace.reporting import measure, ways
-from raytrace.reporting.error import compare
+from raytrace.rendering.rendering import render
+from raytrace.reporting import configurations, measure
+from raytrace.reporting.configurations import Configuration, Subject, steps_of
 from raytrace.reporting.measure import ROUNDS, Sweep
 from raytrace.reporting.reference import Reference
-from raytrace.reporting.ways import Subject, Way, steps_of
 from small_scenes import Part, look, make_scene, quad
 
 SIZE = (12, 10)
-ADAPTIVE = Way("sobol", "float32", adaptive=True)
-SOBOL, DOUBLE, MEDIAN = Way("sobol", "float32"), Way("sobol", "float64"), Way("sobol", "float32", tree="median")
+ADAPTIVE = Configuration("sobol", "float32", adaptive=True)
+SOBOL, DOUBLE, MEDIAN = (
+    Configuration("sobol", "float32"),
+    Configuration("sobol", "float64"),
+    Configuration("sobol", "float32", tree="median"),
+)
 
 
 @pytest.fixture
@@ -166,7 +170,7 @@ def test_a_few_pictures_are_kept_to_be_looked_at(scene):
 
 
 def test_of_errors_that_one_picture_meets_the_smallest_counts(scene, monkeypatch):
-    monkeypatch.setattr(ways, "TARGETS", (0.5, 0.4, 0.01))  # four samples a pixel meet the first two
+    monkeypatch.setattr(configurations, "TARGETS", (0.5, 0.4, 0.01))  # four samples a pixel meet the first two
     found = sweep(scene, [ADAPTIVE])
     assert [p.step for p in found.points] == [0.4, 0.01]
     assert [s.name.rsplit(" ", 1)[1] for s in found.shown] == ["0.4", "0.01"]

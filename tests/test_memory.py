@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace import cli, memory
+from raytrace import memory
+from raytrace.cli import main
 from raytrace.errors import FileError, OptionError
 from raytrace.jit import PLAIN
 from raytrace.memory import Allowance, Drawing, Trees, check_drawing, free, resident
@@ -138,7 +139,7 @@ def test_what_takes_most_is_what_to_lower(drawing, trees, cure):
 @counted
 def test_a_film_is_refused_before_it_is_made(monkeypatch):
     loaded = rt.load(BOX)
-    monkeypatch.setattr("raytrace.rendering.Run", None)
+    monkeypatch.setattr("raytrace.rendering.rendering.Run", None)
     with pytest.raises(OptionError, match=r"^memory: the picture, with .* for 268,435,456 pixels, .*--size"):
         rt.render(loaded, size=(16384, 16384), max_memory=2**32)
     monkeypatch.setattr(memory, "free", lambda: 2.0**20)
@@ -149,8 +150,8 @@ def test_a_film_is_refused_before_it_is_made(monkeypatch):
 def test_what_was_built_is_not_counted_again():
     triangles = rt.load(BOX)
     ask = {"spp": 1, "size": (16, 16), "precision": "float32"}
+    from raytrace.rendering.compiled_scenes import trees_of
     from raytrace.scene.plan import make_plan
-    from raytrace.stages import trees_of
 
     plan = make_plan(triangles)
     assert trees_of(triangles, plan, "float32") == Trees(34, 1, 4, False, True)
@@ -164,7 +165,7 @@ def test_trees_for_lights_on_surfaces_are_refused_one_by_one(monkeypatch):
     content["objects"] = [entry | {"mesh": BOX.parent / entry["mesh"]} for entry in content["objects"]]
     content["lights"] += [{"type": "point", "position": [x, 0, 0.9], "flux": [1, 1, 1]} for x in (-0.5, 0.5)]
     asked = []
-    monkeypatch.setattr("raytrace.wavefront.check_tree", lambda *args: asked.append(args))
+    monkeypatch.setattr("raytrace.rendering.wavefront.check_tree", lambda *args: asked.append(args))
     rt.render(content, spp=1, size=(8, 8), precision="float64")
     assert asked == [(34, 8)] * 2
     monkeypatch.undo()
@@ -181,7 +182,7 @@ def test_a_mesh_file_is_refused_before_it_is_read(tmp_path, monkeypatch, name):
     path = write(tmp_path, scene(objects=[{"mesh": name, "material": "white"}]))
     data = b"x" * 2_000_000
     (tmp_path / name).write_bytes(gzip.compress(data) if name.endswith("gz") else data)
-    monkeypatch.setattr("raytrace.scene.meshes.READERS", {})
+    monkeypatch.setattr("raytrace.scene.meshes.reading.READERS", {})
     with pytest.raises(FileError, match=r"objects\[0\]\.mesh: .*/large.* takes about .* MiB are allowed; split it or"):
         rt.load(path, max_memory=2**20)
 
@@ -225,14 +226,14 @@ def test_nodes_of_a_glb_place_only_what_there_is_memory_for(tmp_path):
 @counted
 def test_the_command_line_takes_sizes(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert cli.main([str(BOX), "--max-memory", "4G", "--size", "8000x8000"]) == 2
+    assert main.main([str(BOX), "--max-memory", "4G", "--size", "8000x8000"]) == 2
     told = capsys.readouterr().err
     assert told.startswith("memory: the picture, with 10.6 GiB for 64,000,000 pixels")
     assert told.count("\n") == 1
-    assert cli.main([str(BOX), "--max-memory", "64G", "--size", "8x8", "--spp", "1", "--quiet"]) == 0
+    assert main.main([str(BOX), "--max-memory", "64G", "--size", "8x8", "--spp", "1", "--quiet"]) == 0
     for text in ("-1", "0", "x", "1Q", "nan", "inf", ""):
         with pytest.raises(SystemExit):
-            cli.main([str(BOX), f"--max-memory={text}"])
+            main.main([str(BOX), f"--max-memory={text}"])
     assert list(tmp_path.iterdir()) == [tmp_path / "cornell-box.png"]
 
 
@@ -246,7 +247,7 @@ def test_from_four_on_the_number_of_samples_does_not_count(monkeypatch):
         asked.append(drawing)
         raise KeyError
 
-    monkeypatch.setattr("raytrace.rendering.check_drawing", ask)
+    monkeypatch.setattr("raytrace.rendering.rendering.check_drawing", ask)
     for spp in (1, 3, 4, 16, 65536):
         with pytest.raises(KeyError):
             rt.render(BOX, spp=spp, size=(512, 512))

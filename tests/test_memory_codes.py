@@ -7,8 +7,11 @@ import pytest
 
 import raytrace as rt
 from gltf_files import File
-from raytrace import cli, image, memory, rendering
+from raytrace import memory
+from raytrace.cli import main
 from raytrace.errors import FileMemoryError
+from raytrace.image import files
+from raytrace.rendering import rendering
 from scene_files import scene, write
 
 FREE = {  # what is too much -> a mesh, bytes that are allowed or free
@@ -55,7 +58,7 @@ def test_meshes_that_take_too_much(folder, what, capsys):
     mesh, allowed = FREE[what]
     path = write(folder, scene(objects=[{"mesh": mesh, "material": "white"}] * 200))
     for command in ([str(path)], ["check", str(path)], ["explain", str(path)]):
-        assert cli.main([*command, f"--max-memory={allowed}"]) == 2
+        assert main.main([*command, f"--max-memory={allowed}"]) == 2
         for line in capsys.readouterr().err.splitlines():
             assert ".mesh: memory: " in line
             assert "no complete" not in line
@@ -68,36 +71,36 @@ def test_meshes_that_take_too_much(folder, what, capsys):
 
 def test_a_picture_that_takes_too_much(folder, capsys, monkeypatch):
     path = str(write(folder, scene()))
-    assert cli.main([path, "--max-memory=1M", "--size", "4096x4096", "-o", str(folder / "a.png")]) == 2
+    assert main.main([path, "--max-memory=1M", "--size", "4096x4096", "-o", str(folder / "a.png")]) == 2
     assert capsys.readouterr().err.startswith("memory: the picture, ")
 
     def full(*_args, **_more):
         raise MemoryError
 
     monkeypatch.setattr(rendering, "check_drawing", full)
-    assert cli.main([path, "-o", str(folder / "a.png")]) == 2
+    assert main.main([path, "-o", str(folder / "a.png")]) == 2
     assert capsys.readouterr().err.startswith("memory: there is not enough; take ")
 
 
 def test_a_picture_to_compare_with(folder, capsys, monkeypatch):
-    image.save(folder / "a.npz", np.zeros((40, 50, 3)))
+    files.save(folder / "a.npz", np.zeros((40, 50, 3)))
     monkeypatch.setattr(memory, "free", lambda: 1000.0)
-    assert cli.main(["compare", str(folder / "a.npz"), str(folder / "a.npz")]) == 2
+    assert main.main(["compare", str(folder / "a.npz"), str(folder / "a.npz")]) == 2
     assert capsys.readouterr().err.startswith(f"memory: {folder / 'a.npz'}: takes about ")
 
 
 def test_what_else_is_wrong_decides_the_code(folder, capsys):
     objects = [{"mesh": name, "material": "white"} for name in ("large.obj", "nowhere.obj")]
-    assert cli.main(["check", str(write(folder, scene(objects=objects))), "--max-memory=1M"]) == 4
+    assert main.main(["check", str(write(folder, scene(objects=objects))), "--max-memory=1M"]) == 4
     objects[0]["mesh"] = "broken.stl"
     (folder / "broken.stl").write_text("")
     objects.append({"mesh": "large.obj", "material": "white"})
-    assert cli.main(["check", str(write(folder, scene(objects=objects))), "--max-memory=1M"]) == 3
+    assert main.main(["check", str(write(folder, scene(objects=objects))), "--max-memory=1M"]) == 3
     capsys.readouterr()
 
 
 def test_limits_are_no_lack_of_memory(folder, capsys, monkeypatch):
-    monkeypatch.setattr("raytrace.scene.meshes.MAX_TRIANGLES", 1000)
+    monkeypatch.setattr("raytrace.scene.meshes.reading.MAX_TRIANGLES", 1000)
     path = write(folder, scene(objects=[{"mesh": "shared.glb", "material": "white"}]))
-    assert cli.main(["check", str(path)]) == 4
+    assert main.main(["check", str(path)]) == 4
     assert "shared.glb: it places 60,000 triangles; at most 1,000" in capsys.readouterr().err

@@ -9,12 +9,13 @@ import pytest
 
 from raytrace.errors import FileError, SceneError
 from raytrace.records import RawMesh
-from raytrace.scene import files, meshes
+from raytrace.scene import files
 from raytrace.scene.load import load
-from raytrace.scene.meshes import read_mesh
-from raytrace.scene.obj import read_obj
+from raytrace.scene.meshes import reading
+from raytrace.scene.meshes.obj import read_obj
+from raytrace.scene.meshes.raw_mesh import concatenate, transform
+from raytrace.scene.meshes.reading import read_mesh
 from raytrace.scene.place import averaged_normals, face_normals, rotation
-from raytrace.scene.rawmesh import concatenate, transform
 from scene_files import CUBE, TRIANGLE, scene, triangle_glb, write
 
 PLY = """ply
@@ -234,7 +235,7 @@ def test_missing_file_directory_and_vast_file_are_file_errors(tmp_path, monkeypa
         read_mesh(tmp_path / "folder.obj")
     with pytest.raises(FileError, match="can't be read"):
         read_mesh(tmp_path / ("a" * 5000))
-    for module in (files, meshes):
+    for module in (files, reading):
         monkeypatch.setattr(module, "MAX_MESH", 1000)
     with pytest.raises(FileError, match="more than 1000 bytes"):
         read_mesh(save(tmp_path, "vast.obj", "#" * 1001))

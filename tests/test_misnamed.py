@@ -7,10 +7,10 @@ import re
 import pytest
 
 import raytrace as rt
-from raytrace import cli
+from raytrace.cli import main
 from raytrace.errors import FileError, SceneError
 from raytrace.misnamed import is_utf16
-from raytrace.scene.meshes import read_mesh
+from raytrace.scene.meshes.reading import read_mesh
 from scene_files import CUBE, TRIANGLE, scene, write
 
 POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{'0' * 64}\nsize 1\n".encode()
@@ -31,7 +31,7 @@ def test_a_pointer_in_place_of_a_mesh_is_named(tmp_path, kind):
 def test_a_pointer_in_place_of_a_scene_is_named(tmp_path, capsys):
     path = tmp_path / "a.json"
     path.write_bytes(POINTER)
-    assert cli.main(["check", str(path)]) == 4
+    assert main.main(["check", str(path)]) == 4
     assert capsys.readouterr().err.strip().endswith(f"{path}: {LFS}")
 
 

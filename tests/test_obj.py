@@ -5,7 +5,7 @@ import pytest
 
 from raytrace.errors import SceneError
 from raytrace.scene.load import load
-from raytrace.scene.obj import ObjError, read_obj
+from raytrace.scene.meshes.obj import ObjError, read_obj
 from raytrace.scene.precision import choose_precision
 from scene_files import scene
 

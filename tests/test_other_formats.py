@@ -17,8 +17,9 @@ import raytrace as rt
 from gltf_files import SQUARE
 from raytrace.errors import FileMemoryError
 from raytrace.memory import Allowance
-from raytrace.scene import files, other_formats
-from raytrace.scene.meshes import read_mesh
+from raytrace.scene import files
+from raytrace.scene.meshes import other_formats
+from raytrace.scene.meshes.reading import read_mesh
 from scene_files import scene, write
 
 ROOT = Path(__file__).parents[1]
@@ -127,7 +128,7 @@ import sys
 sys.modules |= dict.fromkeys({names!r})
 from pathlib import Path
 from raytrace.errors import FileError
-from raytrace.scene.meshes import read_mesh
+from raytrace.scene.meshes.reading import read_mesh
 try:
     read_mesh(Path("a{kind}"))
 except FileError as error:
@@ -230,6 +231,6 @@ def test_an_archive_that_unfolds_to_much_is_refused_before_it_is_read(tmp_path, 
 
 def test_triangles_have_a_limit(tmp_path, monkeypatch):
     (tmp_path / "a.off").write_text(OFF)
-    monkeypatch.setattr("raytrace.scene.meshes.MAX_TRIANGLES", 1)
+    monkeypatch.setattr("raytrace.scene.meshes.reading.MAX_TRIANGLES", 1)
     with pytest.raises(rt.FileError, match=r"a\.off: it places 2 triangles; at most 1$"):
         read_mesh(tmp_path / "a.off")

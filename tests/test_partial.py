@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace import cli, run, terminal
-from raytrace.crew import Crew
-from raytrace.delivery import deliver, remarks
-from raytrace.run import Run
-from raytrace.terminal import Reporter
+from raytrace.cli import main, terminal
+from raytrace.cli.delivery import deliver, remarks
+from raytrace.cli.terminal import Reporter
+from raytrace.rendering import run
+from raytrace.rendering.run import Run
+from raytrace.rendering.threads import RenderThreads
 from signals import default_signals
 from small_scenes import studio
 
@@ -45,7 +46,7 @@ def passes(monkeypatch):
 @pytest.fixture
 def interrupted(passes, monkeypatch):
     """Ctrl-C comes after the first pass, and before the fourth."""
-    draw = Crew.draw
+    draw = RenderThreads.draw
 
     def draw_or_wait(crew, sheet, first, last, over=lambda: True):  # without: to see how long it takes
         crew.parts = getattr(crew, "parts", 0) + 1
@@ -53,7 +54,7 @@ def interrupted(passes, monkeypatch):
             time.sleep(0.01)
         return draw(crew, sheet, first, last, over)
 
-    monkeypatch.setattr(Crew, "draw", draw_or_wait)
+    monkeypatch.setattr(RenderThreads, "draw", draw_or_wait)
 
     def interrupt(_reporter, event):
         if event.stage == "rendering" and event.done > FIRST:
@@ -72,7 +73,7 @@ def samples(path):
 
 def test_a_partial_image_takes_the_name_that_is_free(tmp_path, interrupted, capsys):
     path = tmp_path / "box.npz"
-    assert cli.main([*ASK, "-o", str(path)]) == 130
+    assert main.main([*ASK, "-o", str(path)]) == 130
     out, err = capsys.readouterr()
     assert out == f"{path}\n"
     assert f"interrupted at {samples(path)} of 64 samples per pixel\n" in err
@@ -86,7 +87,7 @@ def test_a_partial_image_goes_beside_a_file_that_is_there(tmp_path, interrupted,
     partial = tmp_path / name.replace(".npz", ".partial.npz")
     path.write_bytes(b"a finished image")
     for _ in range(2):  # the second partial image takes the place of the first
-        assert cli.main([*ASK, "-o", str(path)]) == 130
+        assert main.main([*ASK, "-o", str(path)]) == 130
         out, err = capsys.readouterr()
         assert out == f"{partial}\n"
         last = err.splitlines()[-1]
@@ -101,7 +102,7 @@ def test_a_time_limit_leaves_a_file_that_is_there_too(tmp_path, passes, monkeypa
     path.write_bytes(b"a finished image")
     looks = iter(range(1000))
     monkeypatch.setattr(Run, "_over", lambda _run: next(looks) > 3 * FIRST + 3)
-    assert cli.main([*ASK, "--threads", "1", "--time-limit", "1e6", "--quiet", "-o", str(path)]) == 0
+    assert main.main([*ASK, "--threads", "1", "--time-limit", "1e6", "--quiet", "-o", str(path)]) == 0
     out, err = capsys.readouterr()
     assert out == f"{tmp_path / 'box.partial.npz'}\n"
     assert err == f"{path} exists and is left as it is; the partial image is in {tmp_path / 'box.partial.npz'}\n"
@@ -111,7 +112,7 @@ def test_a_time_limit_leaves_a_file_that_is_there_too(tmp_path, passes, monkeypa
 def test_a_whole_image_replaces_a_file_that_is_there(tmp_path, capsys):
     path = tmp_path / "box.npz"
     path.write_bytes(b"an older image")
-    assert cli.main([str(BOX), "--size", "8x8", "--spp", "2", "-o", str(path), "--json"]) == 0
+    assert main.main([str(BOX), "--size", "8x8", "--spp", "2", "-o", str(path), "--json"]) == 0
     assert samples(path) == 2
     told = json.loads(capsys.readouterr().out)
     assert told["complete"] is told["provenance"]["complete"] is True
@@ -120,7 +121,7 @@ def test_a_whole_image_replaces_a_file_that_is_there(tmp_path, capsys):
 def test_json_says_alike_in_both_places_that_it_is_incomplete(tmp_path, interrupted, capsys):
     path = tmp_path / "box.npz"
     path.touch()
-    assert cli.main([*ASK, "-o", str(path), "--json"]) == 130
+    assert main.main([*ASK, "-o", str(path), "--json"]) == 130
     told = json.loads(capsys.readouterr().out)
     assert told["complete"] is told["provenance"]["complete"] is False
     assert told["path"] == str(tmp_path / "box.partial.npz")
@@ -135,7 +136,7 @@ def test_before_the_first_pass_is_complete_nothing_is_written(tmp_path, monkeypa
 
     monkeypatch.setattr(Reporter, "__call__", interrupt)
     path = tmp_path / "box.npz"
-    assert cli.main([*ASK, "-o", str(path), *words]) == 130
+    assert main.main([*ASK, "-o", str(path), *words]) == 130
     out, err = capsys.readouterr()
     kept = f"; --resume goes on from {path}.checkpoint" if words else ""
     assert out == ""
@@ -146,7 +147,7 @@ def test_before_the_first_pass_is_complete_nothing_is_written(tmp_path, monkeypa
 def test_time_that_ends_before_the_first_pass_writes_nothing_either(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(Run, "_over", lambda _run: True)
     path = tmp_path / "box.npz"
-    assert cli.main([*ASK, "-o", str(path), "--time-limit", "1e6"]) == 130
+    assert main.main([*ASK, "-o", str(path), "--time-limit", "1e6"]) == 130
     out, err = capsys.readouterr()
     assert (out, list(tmp_path.iterdir())) == ("", [])
     assert err == "time limit reached before the first pass over the image was complete; nothing was saved\n"
@@ -178,8 +179,8 @@ def test_the_summary_tells_compiling_from_rendering():
 WRITING = """
 import os, signal, sys, time
 from raytrace import files, image, run
-from raytrace.cli import main
-from raytrace.terminal import ECHO, Reporter
+from raytrace.cli.main import main
+from raytrace.cli.terminal import ECHO, Reporter
 run.first_pass = lambda spp, seconds: 1
 replace = os.replace
 def slowly(*names):  # the image is being written

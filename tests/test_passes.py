@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace import checkpoint, pace, run
-from raytrace.checkpoint import Checkpoint
-from raytrace.crew import Crew
 from raytrace.jit import PLAIN
-from raytrace.pace import expected, first_pass
-from raytrace.parts import TILE, pieces, rounds
-from raytrace.progress import Watcher
-from raytrace.run import Run
-from raytrace.wavefront import BATCH
+from raytrace.rendering import checkpoint, pace, run
+from raytrace.rendering.checkpoint import Checkpoint
+from raytrace.rendering.pace import expected, first_pass
+from raytrace.rendering.progress import ProgressListener
+from raytrace.rendering.run import Run
+from raytrace.rendering.threads import RenderThreads
+from raytrace.rendering.wavefront import BATCH
+from raytrace.rendering.work_items import TILE, pieces, rounds
 from same_pictures import assert_same
 from small_scenes import studio
 
@@ -43,7 +43,7 @@ def parts_of_passes(spp=SPP, first=2):
 
 def ended_at(monkeypatch, part, act):
     """Have something done before a part is drawn; the part before it is drawn but half."""
-    draw, drawn = Crew.draw, itertools.count()
+    draw, drawn = RenderThreads.draw, itertools.count()
 
     def drawing(crew, sheet, first, last, over=lambda: False):
         k = next(drawn)
@@ -54,7 +54,7 @@ def ended_at(monkeypatch, part, act):
             return first
         return draw(crew, sheet, first, last, over)
 
-    monkeypatch.setattr(Crew, "draw", drawing)
+    monkeypatch.setattr(RenderThreads, "draw", drawing)
 
 
 def interrupt():
@@ -104,7 +104,7 @@ def test_ctrl_c_leaves_the_whole_image_after_the_last_complete_pass(scene, passe
 def test_all_that_ends_a_render_leaves_the_same(scene, passes, monkeypatch, tmp_path):
     part, said = parts_of_passes()[2] + 3, []
 
-    class Told(Watcher):
+    class Told(ProgressListener):
         def end(self, state):
             said.append(state)
 
@@ -227,8 +227,8 @@ def test_what_is_drawn_to_see_how_long_it_takes_does_not_count(scene, monkeypatc
 def test_passes_take_no_more_memory_for_samples_in_flight(scene, monkeypatch):
     fronts = []
     monkeypatch.setattr(run, "first_pass", lambda spp, seconds: 1)
-    rest = Crew.rest
-    monkeypatch.setattr(Crew, "rest", lambda crew: (rest(crew), fronts.append(len(crew._wavefronts))))
+    rest = RenderThreads.rest
+    monkeypatch.setattr(RenderThreads, "rest", lambda crew: (rest(crew), fronts.append(len(crew._wavefronts))))
     rt.render(scene, size=SIZE, spp=256, threads=2)
     assert len(fronts) == 9
     assert fronts[-1] <= 3  # of the caller's thread, and of two others; each pass has new threads

@@ -11,8 +11,8 @@ import raytrace as rt
 from raytrace.accel import query
 from raytrace.passes.refraction import refract_rays
 from raytrace.records import Batch, Columns, Hits, Rays
+from raytrace.rendering.wavefront import compile_scene
 from raytrace.scene.plan import make_plan
-from raytrace.wavefront import make_stage
 from small_scenes import ball, box, glass, look, make_scene
 
 PRECISIONS = ("float32", "float64")
@@ -27,7 +27,7 @@ def batch(n, dtype):
 
 def trace(scene, o, d, count, precision):
     """Rays (n, 3) as they are after ``count`` interfaces: origins, directions; and the triangles met, (count, n)."""
-    stage, n, dtype = make_stage(scene, make_plan(scene), precision), len(d), np.dtype(precision)
+    stage, n, dtype = compile_scene(scene, make_plan(scene), precision), len(d), np.dtype(precision)
     source, target, met = batch(n, dtype), batch(n, dtype), []
     source.o[:], source.d[:] = o.T.ravel(), d.T.ravel()
     tmin, tmax = (Columns(np.array([limit], dtype), 0, 0, 0) for limit in (0, np.inf))

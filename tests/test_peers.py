@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace.reporting import peers
-from raytrace.reporting.hard_rays import cases
-from raytrace.reporting.hard_shadows import shadow_cases
-from raytrace.reporting.judge import Judge
+from raytrace.hardcases import peers
+from raytrace.hardcases.judge import Judge
+from raytrace.hardcases.rays import cases
+from raytrace.hardcases.shadows import shadow_cases
 
 PRECISIONS = ("float32", "float64")
 

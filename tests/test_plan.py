@@ -15,8 +15,8 @@ from raytrace.jit import PLAIN
 from raytrace.passes.camera import make_view
 from raytrace.passes.sampling import make_sampler
 from raytrace.records import REFRACTIVE
+from raytrace.rendering.wavefront import Wavefront, compile_scene
 from raytrace.scene.plan import make_plan
-from raytrace.wavefront import Wavefront, make_stage
 from shipped_scenes import each_scene
 from small_scenes import Part, ball, glass, make_scene, quad, studio
 
@@ -117,7 +117,7 @@ def test_explain_takes_what_render_takes(tmp_path, monkeypatch):
 
 def wavefront(scene):
     plan = make_plan(scene)
-    stage = make_stage(scene, plan, "float32")
+    stage = compile_scene(scene, plan, "float32")
     view = make_view(scene.camera, scene.settings.size, np.dtype(np.float32))
     return stage, Wavefront(stage, view, make_sampler("sobol", 0, 1), 64)
 

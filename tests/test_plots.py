@@ -7,18 +7,18 @@ import pytest
 
 from raytrace.errors import RaytraceError
 from raytrace.reporting.analysis import orders_of, pareto
+from raytrace.reporting.configurations import Configuration
 from raytrace.reporting.plots import check_matplotlib, heat, plots
-from raytrace.reporting.ways import Way
 from synthetic_points import DOUBLE, SOBOL, curve
 
 ROOT = Path(__file__).parents[1]
-BRUTE = Way("sobol", "float32", tree="none")
+BRUTE = Configuration("sobol", "float32", tree="none")
 
 
 def drawn():
     points = curve(SOBOL, lambda n: 0.1 / n, 0.1) + curve(DOUBLE, lambda n: 0.1 / n, 0.2)
     points += curve(BRUTE, lambda n: 0.1 / n, 0.5) + curve(
-        Way("sobol", "float32", adaptive=True), lambda n: 0.05 / n, 0.1
+        Configuration("sobol", "float32", adaptive=True), lambda n: 0.05 / n, 0.1
     )
     return plots(points, pareto(points), orders_of(points), "box")
 

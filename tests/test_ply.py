@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytrace.scene.ply import read_ply
+from raytrace.scene.meshes.ply import read_ply
 
 pytestmark = pytest.mark.nojit
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}

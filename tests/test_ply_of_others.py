@@ -7,7 +7,7 @@ import pytest
 
 from raytrace.errors import SceneError
 from raytrace.scene.load import load
-from raytrace.scene.ply import read_ply
+from raytrace.scene.meshes.ply import read_ply
 from scene_files import scene
 
 pytestmark = pytest.mark.nojit

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from raytrace import png
+from raytrace.image import png
 
 pytestmark = pytest.mark.nojit
 

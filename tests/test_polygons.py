@@ -6,11 +6,11 @@ import sys
 import numpy as np
 import pytest
 
-from raytrace.scene import polygons
-from raytrace.scene.obj import ObjError, read_obj
+from raytrace.scene.meshes import polygons
+from raytrace.scene.meshes.obj import ObjError, read_obj
+from raytrace.scene.meshes.ply import read_ply
+from raytrace.scene.meshes.polygons import PolygonError, fan, triangulate
 from raytrace.scene.place import rotation
-from raytrace.scene.ply import read_ply
-from raytrace.scene.polygons import PolygonError, fan, triangulate
 
 CHEVRON = [[0, 0, 0], [2, 1, 0], [0, 2, 0], [1, 1, 0]]  # area 1
 L_SHAPE = [[0, 0, 0], [2, 0, 0], [2, 1, 0], [1, 1, 0], [1, 2, 0], [0, 2, 0]]  # area 3
@@ -180,7 +180,7 @@ def test_what_would_take_minutes_is_refused(monkeypatch):
 
 @pytest.mark.parametrize(("shape", "loaded"), [(L_SHAPE[:4], False), (L_SHAPE, False), (COMB, True)])
 def test_the_library_is_loaded_only_for_large_concave_polygons(shape, loaded):
-    program = "import sys, numpy as np; from raytrace.scene.polygons import triangulate\n"
+    program = "import sys, numpy as np; from raytrace.scene.meshes.polygons import triangulate\n"
     program += f"triangulate(np.array({shape}, float), np.arange({len(shape)}), np.array([{len(shape)}]))\n"
     program += "print('mapbox_earcut' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from raytrace import image
 from raytrace.errors import FileError
-from raytrace.reporting.error import compare
+from raytrace.image import files
+from raytrace.image.metrics import compare
 
 OpenEXR = pytest.importorskip("OpenEXR")
 PLANE = np.random.default_rng(0).random((5, 6), np.float32)
@@ -35,7 +35,7 @@ def write(tmp_path):
 
 def refused(path):
     with pytest.raises(FileError) as failure:
-        image.load(path)
+        files.load(path)
     line = str(failure.value)
     assert "\n" not in line
     return line.removeprefix(f"{path}: ")
@@ -52,7 +52,7 @@ def test_a_shifted_data_window_is_refused(write):
 
 def test_windows_that_lie_elsewhere_together_are_read(write):
     path = write("a.exr", COLOUR, dataWindow=window(-3, 7), displayWindow=window(-3, 7))
-    assert (image.load(path).rgb[:, :, 1] == 0.5 * PLANE).all()
+    assert (files.load(path).rgb[:, :, 1] == 0.5 * PLANE).all()
 
 
 @pytest.mark.parametrize("alpha", [0.0, 0.999, 2.0, np.nan])
@@ -61,14 +61,14 @@ def test_an_alpha_below_one_is_refused(write, alpha, name):
     plane = np.ones_like(PLANE)
     plane[2, 3] = alpha
     assert refused(write("a.exr", {**COLOUR, name: plane})).startswith("has an alpha below 1: put ")
-    assert (image.load(write("b.exr", {**COLOUR, name: np.ones_like(PLANE)})).rgb[:, :, 0] == PLANE).all()
+    assert (files.load(write("b.exr", {**COLOUR, name: np.ones_like(PLANE)})).rgb[:, :, 0] == PLANE).all()
 
 
 def test_other_primaries_are_refused(write):
     aces = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
     assert refused(write("a.exr", COLOUR, chromaticities=aces)).startswith("its primaries are not those of sRGB")
     same = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
-    assert (image.load(write("b.exr", COLOUR, chromaticities=same)).rgb[:, :, 0] == PLANE).all()
+    assert (files.load(write("b.exr", COLOUR, chromaticities=same)).rgb[:, :, 0] == PLANE).all()
 
 
 def test_whole_numbers_are_no_colour(write):
@@ -94,7 +94,7 @@ def test_one_part_with_colour_is_read_and_two_are_refused(tmp_path):
         return tmp_path / name
 
     depth, colour = {"depth.Z": PLANE.copy()}, {name: plane.copy() for name, plane in COLOUR.items()}
-    assert (image.load(write("a.exr", depth, colour)).rgb[:, :, 0] == PLANE).all()
+    assert (files.load(write("a.exr", depth, colour)).rgb[:, :, 0] == PLANE).all()
     other = {name: plane.copy() for name, plane in COLOUR.items()}
     assert refused(write("b.exr", colour, other)) == "2 parts with channels R, G and B; save one of them"
 
@@ -109,7 +109,7 @@ def test_attributes_of_other_types_and_names_are_none_of_ours(write):
     path = write(
         "a.exr", COLOUR, **{"raytrace:seed": 7, "raytrace:v": corner(1, 2), "owner": "me", "raytrace:spp": "4"}
     )
-    assert image.load(path).provenance == {"spp": 4}
+    assert files.load(path).provenance == {"spp": 4}
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_attributes_of_other_types_and_names_are_none_of_ours(write):
 )  # all that OpenEXR has
 def test_every_compression_is_read(write, compression):
     path = write("a.exr", COLOUR, compression=getattr(OpenEXR, f"{compression}_COMPRESSION"))
-    assert compare(image.load(path).rgb, np.stack(list(COLOUR.values()), axis=2)).rmse < 0.01
+    assert compare(files.load(path).rgb, np.stack(list(COLOUR.values()), axis=2)).rmse < 0.01
 
 
 def test_the_type_of_an_attribute_may_lie(write):

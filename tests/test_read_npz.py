@@ -8,8 +8,8 @@ import zipfile
 import numpy as np
 import pytest
 
-from raytrace import image
 from raytrace.errors import FileError
+from raytrace.image import files
 
 RGB = np.random.default_rng(0).random((5, 6, 3), np.float32)
 
@@ -30,7 +30,7 @@ def refused(path, **arrays):
     if arrays:
         np.savez(path, **arrays)
     with pytest.raises(FileError) as failure:
-        image.load(path)
+        files.load(path)
     line = str(failure.value)
     assert "\n" not in line
     assert len(line) < 500
@@ -88,13 +88,13 @@ def test_floats_of_other_sizes_and_orders_are_read(path):
     values[0, 1] = (1e-300, np.finfo(np.float32).max, 0)
     for other in (values, values.astype(">f4"), values.astype(np.longdouble), np.asfortranarray(values.astype("<f4"))):
         np.savez(path, rgb=other, samples=np.full((5, 6), 7, np.uint8))
-        held = image.load(path)
+        held = files.load(path)
         assert held.rgb.dtype == np.float32
         assert held.rgb[0, 0, 1] == np.inf
         assert (held.rgb[1:] == RGB[1:]).all()
         assert (held.aov["samples"] == 7).all()
     np.savez(path, rgb=np.float16(RGB))
-    assert (image.load(path).rgb == np.float16(RGB)).all()
+    assert (files.load(path).rgb == np.float16(RGB)).all()
 
 
 @pytest.mark.parametrize(
@@ -125,12 +125,12 @@ def members(path, method, **arrays):
 @pytest.mark.parametrize("method", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
 def test_members_of_every_compression_are_read_or_refused(path, method):
     whole = members(path, method, rgb=RGB)
-    assert (image.load(path).rgb == RGB).all()
+    assert (files.load(path).rgb == RGB).all()
     start, end, lost = 30 + len("rgb.npy"), whole.index(b"PK\1\2"), 0
     for at in range(start, end, 7):
         path.write_bytes(whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1 :])
         try:
-            assert (image.load(path).rgb == RGB).all()  # a byte that says nothing
+            assert (files.load(path).rgb == RGB).all()  # a byte that says nothing
         except FileError:
             lost += 1
     assert lost >= (end - start) // 7 - 3
@@ -179,7 +179,7 @@ def test_headers_that_lie_are_one_line(path, text):
 
 def test_a_header_of_python_2_is_read_without_a_warning(path):
     path.write_bytes(header(b"{'descr': '<f4', 'fortran_order': False, 'shape': (5L, 6L, 3L)}"))
-    assert image.load(path).rgb.shape == (5, 6, 3)
+    assert files.load(path).rgb.shape == (5, 6, 3)
 
 
 def test_a_member_that_is_encrypted_or_twice_there_is_no_traceback(path):
@@ -194,7 +194,7 @@ def test_saving_refuses_what_a_file_would_not_give_back(tmp_path):
     for wrong, words in ((1e39, "values that float32 can't hold"), (1j, "expected numbers, got complex128")):
         for name in ("a.npz", "a.exr", "a.png"):
             with pytest.raises(ValueError, match=words):
-                image.save(tmp_path / name, np.full((2, 2, 3), wrong))
+                files.save(tmp_path / name, np.full((2, 2, 3), wrong))
     with pytest.raises(ValueError, match="samples: values that int32 can't hold"):
-        image.save(tmp_path / "a.npz", RGB, aov={"samples": np.full((5, 6), 0.5)})
+        files.save(tmp_path / "a.npz", RGB, aov={"samples": np.full((5, 6), 0.5)})
     assert list(tmp_path.iterdir()) == []

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image, ImageCms, PngImagePlugin
 
-from raytrace import image
 from raytrace.errors import FileError
-from raytrace.reporting.error import compare
+from raytrace.image import files
+from raytrace.image.metrics import compare
 
 CODES = np.random.default_rng(0).integers(0, 256, (5, 6, 3), np.uint8)
 SRGB_CHRM = (31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000)
@@ -35,7 +35,7 @@ GREY = [row.tobytes() for row in CODES[:, :, 0]]
 def load(tmp_path):
     def read(data):
         (tmp_path / "a.png").write_bytes(data)
-        return image.load(tmp_path / "a.png")
+        return files.load(tmp_path / "a.png")
 
     return read
 
@@ -54,7 +54,7 @@ def refused(tmp_path, load):
 
 
 def light(codes):
-    return image.srgb_decode(codes / 255.0).astype(np.float32)
+    return files.srgb_decode(codes / 255.0).astype(np.float32)
 
 
 def test_depths_and_colour_types_are_the_colours_that_they_show(load):
@@ -219,9 +219,9 @@ def test_what_pillow_writes_is_read(tmp_path):
         icc_profile=ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes(),
     )
     pillow.quantize(7).save(tmp_path / "b.png")
-    assert (image.load(tmp_path / "a.png").rgb == light(CODES)).all()
-    assert image.load(tmp_path / "a.png").provenance == {"about": "\u2603"}
-    assert (image.load(tmp_path / "b.png").rgb == light(np.asarray(pillow.quantize(7).convert("RGB")))).all()
+    assert (files.load(tmp_path / "a.png").rgb == light(CODES)).all()
+    assert files.load(tmp_path / "a.png").provenance == {"about": "\u2603"}
+    assert (files.load(tmp_path / "b.png").rgb == light(np.asarray(pillow.quantize(7).convert("RGB")))).all()
     assert compare(tmp_path / "b.png", tmp_path / "a.png").rmse > 0
 
 

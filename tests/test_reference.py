@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from raytrace import image
 from raytrace.errors import FileError, OptionError
+from raytrace.image import files
+from raytrace.image.metrics import compare
 from raytrace.native import store
 from raytrace.records import Settings
-from raytrace.rendering import render
+from raytrace.rendering.rendering import render
 from raytrace.reporting import reference
-from raytrace.reporting.error import compare
 from raytrace.reporting.reference import Reference, make_reference, next_spp, read_reference
 from small_scenes import Part, look, make_scene, quad
 
@@ -113,7 +113,7 @@ def test_how_many_samples_come_next(before, seconds, expected):
 
 
 def test_a_file_is_the_truth_if_its_size_fits(tmp_path):
-    path = image.save(tmp_path / "truth.npz", np.full((4, 6, 3), 0.5, np.float32))
+    path = files.save(tmp_path / "truth.npz", np.full((4, 6, 3), 0.5, np.float32))
     truth = read_reference(path, (6, 4))
     assert (truth.origin, truth.spp) == (str(path), 0)
     assert np.isnan(truth.error)

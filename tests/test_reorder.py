@@ -6,7 +6,7 @@ import pytest
 import rays
 import raytrace as rt
 from raytrace.accel import reorder
-from raytrace.accel.door import columns_of
+from raytrace.accel.inputs import columns_of
 from raytrace.records import Rays
 
 PRECISIONS = ("float32", "float64")

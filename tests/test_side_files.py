@@ -12,7 +12,7 @@ from gltf_files import SQUARE, File
 from raytrace.errors import FileMemoryError
 from raytrace.memory import Allowance
 from raytrace.scene.files import Reach
-from raytrace.scene.meshes import read_mesh
+from raytrace.scene.meshes.reading import read_mesh
 from scene_files import scene, write
 
 

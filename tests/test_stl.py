@@ -6,7 +6,7 @@ import struct
 import numpy as np
 import pytest
 
-from raytrace.scene.stl import read_stl
+from raytrace.scene.meshes.stl import read_stl
 
 FACET = "facet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1e0 0 0\n  vertex 0 1.5 -0\n endloop\nendfacet\n"
 TEXT = f"solid a name with vertex in it\n{FACET}endsolid a\n".replace("vertex in", "vortex in")

@@ -6,7 +6,7 @@ import struct
 import numpy as np
 import pytest
 
-from raytrace.scene.stl import read_stl
+from raytrace.scene.meshes.stl import read_stl
 
 pytestmark = pytest.mark.nojit
 FACET = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"

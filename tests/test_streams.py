@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytrace import cli, streams
+from raytrace.cli import main, streams
 
 ROOT = Path(__file__).parents[1]
 SCENES = ROOT / "scenes"
@@ -122,13 +122,13 @@ def test_a_reader_that_has_gone_does_not_change_the_code(tmp_path, limit, code):
 def test_streams_that_are_none_are_as_good_as_closed(monkeypatch, verb):
     monkeypatch.setattr(sys, "stdout", None)
     monkeypatch.setattr(sys, "stderr", None)
-    assert cli.main([verb]) == 0
-    assert cli.main(["check", "nowhere.json"]) == 4
+    assert main.main([verb]) == 0
+    assert main.main(["check", "nowhere.json"]) == 4
     with pytest.raises(SystemExit, match="2"):
-        cli.main(["--spp", "0", "a.json"])
+        main.main(["--spp", "0", "a.json"])
     for stream in (sys.stdout, sys.stderr):
         stream.close()
-    assert cli.main([verb]) == 0  # closed by the program itself
+    assert main.main([verb]) == 0  # closed by the program itself
     for stream in (sys.stdout, sys.stderr):
         stream.close()
 
@@ -177,7 +177,7 @@ def test_words_of_the_command_line_are_escaped(tmp_path, monkeypatch, capsys, wo
     monkeypatch.chdir(tmp_path)
     (tmp_path / "box.json").write_text("{}")
     with contextlib.suppress(SystemExit):
-        assert cli.main(words) in (2, 3, 4)
+        assert main.main(words) in (2, 3, 4)
     out, err = capsys.readouterr()
     assert out == ""
     assert "\x1b" not in err
@@ -193,8 +193,8 @@ def test_texts_of_a_scene_are_escaped(tmp_path, capsys, monkeypatch):
     Path(f"a{RED}b.json").write_text(text, "utf-8")
     Path("bad.json").write_text(text.replace('"objects"', '"\\u001b[2J"'), "utf-8")
     for verb in ("explain", "check"):
-        assert cli.main([verb, f"a{RED}b.json", "--root", str(SCENES)]) == 0
-    assert cli.main(["check", "bad.json", "--root", str(SCENES)]) == 3
+        assert main.main([verb, f"a{RED}b.json", "--root", str(SCENES)]) == 0
+    assert main.main(["check", "bad.json", "--root", str(SCENES)]) == 3
     out, err = capsys.readouterr()
     assert "\x1b" not in out + err
     assert out.startswith("\\x1b[31m\\nX")

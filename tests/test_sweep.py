@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace import image
 from raytrace.errors import FileError, OptionError, RaytraceError
+from raytrace.image import files
 from raytrace.records import Settings
-from raytrace.rendering import render
-from raytrace.reporting import measure, reference, sweep, ways
+from raytrace.rendering.rendering import render
+from raytrace.reporting import configurations, measure, reference, sweep
+from raytrace.reporting.configurations import Subject
 from raytrace.reporting.plots import plots
 from raytrace.reporting.sweep import report
-from raytrace.reporting.ways import Subject
 from small_scenes import Part, look, make_scene, quad
 
 SIZE = (12, 10)
@@ -27,9 +27,9 @@ FILES = ["error-against-samples.png", "error-against-samples.svg", "error-agains
 def scene(tmp_path, monkeypatch):
     """A lit square, few samples of it, and an empty cache of references."""
     monkeypatch.setattr(reference, "cache_folder", lambda: tmp_path / "cache")
-    monkeypatch.setattr(ways, "SPP", (1, 2, 4))
-    monkeypatch.setattr(ways, "FEW_SPP", (4,))
-    monkeypatch.setattr(ways, "TARGETS", (0.02,))
+    monkeypatch.setattr(configurations, "SPP", (1, 2, 4))
+    monkeypatch.setattr(configurations, "FEW_SPP", (4,))
+    monkeypatch.setattr(configurations, "TARGETS", (0.02,))
     monkeypatch.setattr(sweep, "plots", lambda *_points: {"plot.svg": b"<svg/>"})  # one test asks for the real ones
     square = quad((-1, -0.7, 0), (0.8, -1, 0), (1, 0.8, 0), (-0.7, 1, 0))
     settings = Settings(SIZE, 1, 16, "sobol", "float32", 0)
@@ -85,7 +85,7 @@ def test_a_scene_may_be_a_file_and_the_film_smaller(tmp_path, monkeypatch, scene
 
 
 def test_a_reference_of_ones_own_is_used(scene, tmp_path, monkeypatch):
-    path = image.save(tmp_path / "truth.npz", render(scene, 256, seed=9).rgb)
+    path = files.save(tmp_path / "truth.npz", render(scene, 256, seed=9).rgb)
     monkeypatch.setattr(sweep, "make_reference", None)
     found = report(scene, tmp_path / "out", reference=path)
     assert found.about_reference["origin"] == str(path)
@@ -93,8 +93,8 @@ def test_a_reference_of_ones_own_is_used(scene, tmp_path, monkeypatch):
 
 
 def test_what_has_no_time_is_left_out_and_named(scene, tmp_path, monkeypatch):
-    monkeypatch.setattr(ways, "SPP", (1, 65536))
-    found = report(scene, tmp_path, budget=2.0, reference=image.save(tmp_path / "t.npz", render(scene, 64).rgb))
+    monkeypatch.setattr(configurations, "SPP", (1, 65536))
+    found = report(scene, tmp_path, budget=2.0, reference=files.save(tmp_path / "t.npz", render(scene, 64).rgb))
     assert {p.step for p in found.points} <= {1, 4, 0.02}
     assert {what for what, _ in found.left_out} >= {"sobol, float32: 65536 spp"}
     assert "65536 spp" in str(found)
@@ -138,7 +138,7 @@ def test_an_interrupt_before_any_point_writes_nothing(scene, tmp_path, monkeypat
 )
 def test_a_wrong_option_is_one_clear_line(scene, tmp_path, monkeypatch, options, error, told):
     monkeypatch.chdir(tmp_path)
-    image.save("t.npz", np.ones((10, 12, 3), np.float32))
+    files.save("t.npz", np.ones((10, 12, 3), np.float32))
     with pytest.raises(error, match=told) as caught:
         report(scene, "out", **options)
     assert len(str(caught.value).splitlines()) == 1
@@ -167,6 +167,6 @@ def test_a_scene_without_noise_has_no_error_and_still_a_report(tmp_path, scene):
 
 def test_it_measures_the_same_pictures_that_render_draws(scene, tmp_path):
     (point,) = (p for p in report(scene, tmp_path).points if p.way.name == "sobol, float32" and p.step == 4)
-    kept = image.load(next((tmp_path / "cache" / "references").iterdir()))
+    kept = files.load(next((tmp_path / "cache" / "references").iterdir()))
     errors = [rt.compare(render(scene, 4, seed=k), kept.rgb).rmse for k in range(measure.ROUNDS)]
     assert point.rmse == pytest.approx(np.sqrt(np.mean(np.square(errors))))

@@ -3,13 +3,13 @@ import json
 import pytest
 
 from raytrace.reporting.analysis import fit_order
+from raytrace.reporting.configurations import Configuration
 from raytrace.reporting.measure import First
 from raytrace.reporting.sweep import Report
 from raytrace.reporting.sweep_table import HEADER, SCHEMA, as_json, text
-from raytrace.reporting.ways import Way
 from synthetic_points import SOBOL, point
 
-ADAPTIVE = Way("sobol", "float32", adaptive=True)
+ADAPTIVE = Configuration("sobol", "float32", adaptive=True)
 
 
 def a_report(**other):

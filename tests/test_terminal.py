@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import pytest
 
-from raytrace import terminal
-from raytrace.terminal import Reporter, signals_interrupt, speed
+from raytrace.cli import terminal
+from raytrace.cli.terminal import Reporter, signals_interrupt, speed
 
 
 class Event(NamedTuple):
@@ -89,7 +89,7 @@ def test_no_color_is_respected(capsys, monkeypatch):
 def test_the_signals_interrupt_at_once_even_where_exceptions_are_caught():
     program = """
 import signal
-from raytrace.terminal import signals_interrupt
+from raytrace.cli.terminal import signals_interrupt
 with signals_interrupt():
     try:
         signal.raise_signal(signal.SIGINT)

@@ -3,10 +3,10 @@ import pytest
 
 import rays
 import raytrace as rt
-from raytrace.reporting.hard_rays import Case, cases
-from raytrace.reporting.hard_shadows import shadow_cases
-from raytrace.reporting.judge import Query
-from raytrace.reporting.tracers import Baseline, Ours, paths, sent, tracers
+from raytrace.hardcases.judge import Query
+from raytrace.hardcases.rays import Case, cases
+from raytrace.hardcases.shadows import shadow_cases
+from raytrace.hardcases.tracers import Baseline, Ours, paths, sent, tracers
 
 PRECISIONS = ("float32", "float64")
 CASES: dict[str, Case] = {case.name: case for case in cases()}

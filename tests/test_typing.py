@@ -44,5 +44,5 @@ def test_a_type_checker_finds_mistakes_in_a_program_that_uses_the_package(tmp_pa
     assert done.returncode == 1, done.stdout + done.stderr
     found = {int(re.match(r"program\.py:(\d+): error", line)[1]) for line in lines if ": error:" in line}
     assert found == {n for n, line in enumerate(PROGRAM.splitlines(), 1) if line.endswith("# wrong")}, done.stdout
-    for name in ("raytrace.picture.Render", "raytrace.records.Hits", "float"):  # and not Any
+    for name in ("raytrace.rendering.result.Render", "raytrace.records.Hits", "float"):  # and not Any
         assert any(re.search(rf'Revealed type is ".*\b{name}\b', line) for line in lines), done.stdout

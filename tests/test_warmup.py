@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from raytrace import jit, warmup
-from raytrace.cli import main
+from raytrace import jit
+from raytrace.cli.main import main
 from raytrace.native import store
 from raytrace.native.fallback import Unavailable
+from raytrace.rendering import warmup
 
 ROOT = Path(__file__).parents[1]
 SCENES = sorted((ROOT / "scenes").glob("*.json"))

@@ -60,7 +60,7 @@ def test_nothing_runs_when_it_is_installed_or_python_starts(wheel):
     entries = configparser.ConfigParser(delimiters="=")
     entries.read_file(io.StringIO(of(wheel, r"entry_points\.txt").decode()))
     assert {section: dict(entries[section]) for section in entries.sections()} == {
-        "console_scripts": {"raytrace": "raytrace.cli:main"},
+        "console_scripts": {"raytrace": "raytrace.cli.main:main"},
         "pytest11": {"raytrace-golden": "raytrace.golden.plugin"},
     }
 

@@ -23,7 +23,7 @@ class Axes(NamedTuple):
     z: int
 
 
-class Alike(NamedTuple):
+class RayPacket(NamedTuple):
     """Rays of one kind: lanes for a packet, numbers for a single ray."""
 
     slabs: Slabs
@@ -131,7 +131,7 @@ def ray_of(work, axes, k):
         number_of(work, 16, k), number_of(work, 17, k), number_of(work, 18, k), number_of(work, 19, k),
         number_of(work, 20, k),
     )  # fmt: skip
-    return Alike(slabs, frame, axes, number_of(work, 21, k))
+    return RayPacket(slabs, frame, axes, number_of(work, 21, k))
 
 
 @inlined

@@ -14,8 +14,8 @@ from raytrace.accel.kinds import (
     HIT,
     RAW,
     TMIN,
-    Alike,
     Axes,
+    RayPacket,
     hits_row,
     kind_of,
     kinds_of,
@@ -195,7 +195,7 @@ def closest_of_packet(tree, r, work, like):
         same = left & same_kind(kinds, k)
         left &= ~same
         dominant, axes = kind_of(kinds, k)
-        alike = Alike(slabs, make_frame(dominant, o, d, scale), axes, tmin)
+        alike = RayPacket(slabs, make_frame(dominant, o, d, scale), axes, tmin)
         mask = mask_of(same, like)
         hit = closest_packet(tree, alike, beam_of(tree, o, slabs, tmin, mask, eps), same, tmax, work)
         t, u, v = select(mask, hit[0], t), select(mask, hit[1], u), select(mask, hit[2], v)
@@ -216,7 +216,7 @@ def any_of_packet(tree, r, work, like):
         same = left & same_kind(kinds, k)
         left &= ~same
         dominant, axes = kind_of(kinds, k)
-        alike = Alike(slabs, make_frame(dominant, o, d, scale), axes, tmin)
+        alike = RayPacket(slabs, make_frame(dominant, o, d, scale), axes, tmin)
         hit |= any_packet(tree, alike, beam_of(tree, o, slabs, tmin, mask_of(same, like), eps), same, tmax, work)
     return hit
 

@@ -43,7 +43,7 @@ class Grid(NamedTuple):
     bits: int  # cells per axis are 2 to this
 
 
-class Room(NamedTuple):
+class SortScratch(NamedTuple):
     """Scratch memory of one thread, for n rays."""
 
     keys: NDArray[np.int32]  # (2, n)
@@ -65,12 +65,14 @@ def make_grid(tree: Tree) -> Grid:
     return Grid(low, scale.astype(low.dtype), bits)
 
 
-def make_room(n: int, dtype: np.dtype, work: Work) -> Room:
+def make_room(n: int, dtype: np.dtype, work: Work) -> SortScratch:
     """Scratch memory for n rays."""
     n = -(-n // PACKET) * PACKET
     hits = Hits(np.empty(n, dtype), np.empty(n, np.int32), np.empty(n, dtype), np.empty(n, dtype))
     pairs = np.empty((2, n), np.int32), np.empty((2, n), np.int32)
-    return Room(*pairs, np.empty(1 << DIGIT, np.int32), np.empty(8 * n, dtype), hits, np.empty(n, np.bool_), work)
+    return SortScratch(
+        *pairs, np.empty(1 << DIGIT, np.int32), np.empty(8 * n, dtype), hits, np.empty(n, np.bool_), work
+    )
 
 
 @inlined
@@ -170,7 +172,7 @@ def give_back(values, n, numbers, out):
         poke(out, peek(numbers, i), peek(values, i))
 
 
-def closest_hit(tree: Tree, grid: Grid, rays: Rays, hits: Hits, n: int, room: Room) -> None:
+def closest_hit(tree: Tree, grid: Grid, rays: Rays, hits: Hits, n: int, room: SortScratch) -> None:
     """Nearest hits of n rays, sorted if need be."""
     if n < SAMPLE or 2 * changes(rays, n, grid, room) <= SAMPLE:
         query.closest_hit(tree, rays, hits, n, room.work)
@@ -181,7 +183,7 @@ def closest_hit(tree: Tree, grid: Grid, rays: Rays, hits: Hits, n: int, room: Ro
         give_back(values, n, numbers, out)
 
 
-def any_hit(tree: Tree, grid: Grid, rays: Rays, occluded: NDArray[np.bool_], n: int, room: Room) -> None:
+def any_hit(tree: Tree, grid: Grid, rays: Rays, occluded: NDArray[np.bool_], n: int, room: SortScratch) -> None:
     """Occlusion of n rays, sorted if need be."""
     if n < SAMPLE or 2 * changes(rays, n, grid, room) <= SAMPLE:
         query.any_hit(tree, rays, occluded, n, room.work)
@@ -191,7 +193,7 @@ def any_hit(tree: Tree, grid: Grid, rays: Rays, occluded: NDArray[np.bool_], n: 
     give_back(room.occluded, n, numbers, occluded)
 
 
-def _sorted(rays: Rays, n: int, grid: Grid, room: Room) -> tuple[NDArray[np.int32], Rays]:
+def _sorted(rays: Rays, n: int, grid: Grid, room: SortScratch) -> tuple[NDArray[np.int32], Rays]:
     numbers = room.numbers[sort_rays(rays, n, grid, room)]
     take(rays, n, numbers, room.rays)
     size = len(room.occluded)

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from raytrace.golden import store
 from raytrace.golden.gates import Gates, Verdict, judge
-from raytrace.golden.light import Encoding, to_light
+from raytrace.golden.locations import Place
 from raytrace.golden.noise import mean_of
 from raytrace.golden.page import Failure, page
-from raytrace.golden.place import Place
-from raytrace.image import save
+from raytrace.golden.pixels import Encoding, to_light
+from raytrace.image.files import save
 from raytrace.reporting.folder import check_folder, write
 
 LEFT = ".html", ".actual.npz"  # what a failure leaves

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from raytrace.golden.noise import Noise, critical, in_deviations, noise_of
 from raytrace.golden.store import Approved
-from raytrace.image import LUMINANCE
-from raytrace.reporting.error import TILE, Comparison, Limits, compare, level_of, ratio, tile_means, violations
+from raytrace.image.files import LUMINANCE
+from raytrace.image.metrics import TILE, Comparison, Limits, compare, level_of, ratio, tile_means, violations
 
 
 class Gates(NamedTuple):

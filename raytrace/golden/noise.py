@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.image import LUMINANCE
+from raytrace.image.files import LUMINANCE
 
 ROUNDING = 1e-4  # of a pixel plus the mean: differences as small are rounding, or hang on the last bit of a ray
 

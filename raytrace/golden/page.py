@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.golden.gates import Verdict
+from raytrace.golden.locations import Place
 from raytrace.golden.noise import in_deviations, noise_of
-from raytrace.golden.place import Place
 from raytrace.golden.spots import Spot, find, largest_channel, scale_of
 from raytrace.golden.store import Approved
-from raytrace.image import LUMINANCE, srgb8
-from raytrace.reporting.error import TILE, Comparison, ssim_map
+from raytrace.image.files import LUMINANCE, srgb8
+from raytrace.image.metrics import TILE, Comparison, ssim_map
 
 WIDTH = 320  # screen pixels that a small picture is blown up to, by a whole factor
 ENLARGED = 220  # likewise, a place that is enlarged

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.read_png import check_profile
+from raytrace.image.read_png import check_profile
 
 __tracebackhide__ = True  # as in check.py
 GREY = ("1", "L")

@@ -49,7 +49,7 @@ def raytrace_golden(request: pytest.FixtureRequest) -> Iterator["Golden"]:
     if find_spec("skimage") is None:
         pytest.fail("the fixture golden needs scikit-image: pip install scikit-image", pytrace=False)
     from raytrace.golden.check import Golden
-    from raytrace.golden.place import Place, relative
+    from raytrace.golden.locations import Place, relative
 
     config, root = request.config, request.config.rootpath
     own = str(config.getini("golden_folder"))

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.golden.noise import ROUNDING
-from raytrace.image import LUMINANCE
-from raytrace.reporting.error import TILE, Comparison
+from raytrace.image.files import LUMINANCE
+from raytrace.image.metrics import TILE, Comparison
 
 MARGIN = 8  # pixels around a place that are enlarged with it
 SHARE = 0.995  # of the pixels that differ lie within the scale of the difference

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace import image
 from raytrace.errors import FileError
+from raytrace.image import files
 
 ANEW = "write it anew: pytest --update-goldens"
 MAX_PICTURES = 2**31  # that a golden may be the mean of
@@ -30,7 +30,7 @@ def read(path: Path) -> Approved:
     FileError
         It is missing or broken.
     """
-    held = image.load(path)
+    held = files.load(path)
     rgb, stderr, pictures = held.rgb.astype(np.float64), held.stderr, held.provenance.get(PICTURES, 1)
     if not isinstance(pictures, int) or isinstance(pictures, bool) or not 1 <= pictures <= MAX_PICTURES:
         raise FileError(f"{path}: its provenance has no whole number of {PICTURES}; {ANEW}")
@@ -47,5 +47,5 @@ def write(path: Path, golden: Approved) -> None:
     """Write a golden file, and a picture for eyes beside it; each appears whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     provenance = {PICTURES: golden.pictures} if golden.pictures > 1 else {}
-    image.save(path, golden.rgb, stderr=golden.stderr, provenance=provenance)
-    image.save(path.with_suffix(".png"), golden.rgb)
+    files.save(path, golden.rgb, stderr=golden.stderr, provenance=provenance)
+    files.save(path.with_suffix(".png"), golden.rgb)

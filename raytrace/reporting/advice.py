@@ -7,14 +7,14 @@ import numpy as np
 
 from raytrace.limits import MAX_SPP
 from raytrace.reporting.analysis import Order, curves_of, needed
+from raytrace.reporting.configurations import Configuration
 from raytrace.reporting.measure import Point
-from raytrace.reporting.ways import Way
 
 NEGLIGIBLE = 1 / 3  # an error this much smaller than another adds 5 % to it: sqrt(1 + 1/9) = 1.05
 WORSE = 1.05  # times the error of the usual way: said aloud from here on
 WIDE = 0.5  # of a confidence interval of an order: wider ones are written out
 NICE = 1, 2, 5  # errors that advice is given for, times powers of ten
-Curves = Mapping[Way, Sequence[Point]]
+Curves = Mapping[Configuration, Sequence[Point]]
 
 
 def advice(points: Sequence[Point], orders: Sequence[Order], gaps: Mapping[int, float]) -> list[str]:
@@ -75,13 +75,13 @@ def _ratio(one: Sequence[Point], other: Sequence[Point]) -> float | None:
 
 
 def _precisions(curves: Curves, orders: Sequence[Order], gaps: Mapping[int, float]) -> str:
-    single, double = (curves.get(Way("sobol", precision)) for precision in ("float32", "float64"))
+    single, double = (curves.get(Configuration("sobol", precision)) for precision in ("float32", "float64"))
     ratio = _ratio(double, single) if single and double else None
     if ratio is None:
         return ""
     cost = f"float64 costs {ratio:.2g}x"
     fits = {fit.way: fit for fit in orders}
-    fit = fits.get(Way("sobol", "float64")) or fits.get(Way("sobol", "float32"))
+    fit = fits.get(Configuration("sobol", "float64")) or fits.get(Configuration("sobol", "float32"))
     if not gaps or not fit:
         return cost
     limit = useless_below(fit, float(np.median(list(gaps.values()))))  # one ray that just misses moves one of them

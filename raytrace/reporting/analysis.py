@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from raytrace.reporting.configurations import Configuration
 from raytrace.reporting.measure import Point
-from raytrace.reporting.ways import Way
 
 CONFIDENCE = 0.95  # of intervals
 TIE = 0.01  # relative difference of errors that means nothing
@@ -17,7 +17,7 @@ TIE = 0.01  # relative difference of errors that means nothing
 class Order(NamedTuple):
     """Error ~ spp^order, fitted to a way's points."""
 
-    way: Way
+    way: Configuration
     order: float
     low: float  # of the confidence interval; NaN with two points
     high: float
@@ -25,7 +25,7 @@ class Order(NamedTuple):
     points: int
 
 
-def fit_order(way: Way, spp: Sequence[float], error: Sequence[float]) -> Order:
+def fit_order(way: Configuration, spp: Sequence[float], error: Sequence[float]) -> Order:
     """Fit a straight line to log error against log spp, by least squares.
 
     Parameters
@@ -58,9 +58,9 @@ def fit_order(way: Way, spp: Sequence[float], error: Sequence[float]) -> Order:
     return Order(way, slope, slope - half, slope + half, math.exp(start), len(x))
 
 
-def curves_of(points: Iterable[Point]) -> dict[Way, list[Point]]:
+def curves_of(points: Iterable[Point]) -> dict[Configuration, list[Point]]:
     """Points of each way, from cheap to dear."""
-    curves: dict[Way, list[Point]] = {}
+    curves: dict[Configuration, list[Point]] = {}
     for point in points:
         curves.setdefault(point.way, []).append(point)
     return curves

@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.image import srgb8
+from raytrace.image.files import srgb8
+from raytrace.image.metrics import Comparison, compare, screen
 from raytrace.limits import MAX_SEED
-from raytrace.picture import Render
 from raytrace.records import Scene
-from raytrace.reporting.error import Comparison, compare, screen
+from raytrace.rendering.result import Render
+from raytrace.reporting.configurations import Configuration, Subject, steps_of, weight_of
 from raytrace.reporting.reference import Reference
-from raytrace.reporting.ways import Subject, Way, steps_of, weight_of
 
 ROUNDS = 3  # pictures of each point, each with a seed of its own, one after the other in rounds over all points
 JUDGED = 3.0  # times the reference's own error: smaller ones would be overstated by more than sqrt(1 + 1/9), 5 %
@@ -26,7 +26,7 @@ GROWTH = 4.0  # how much longer adaptive sampling may take to the next target: e
 class Point(NamedTuple):
     """One way at one number of samples; errors are means over the rounds."""
 
-    way: Way
+    way: Configuration
     step: float  # samples per pixel, or the error that adaptive sampling aimed at
     spp: float  # samples per pixel, mean over the film
     times: tuple[float, ...]  # s, of each round
@@ -58,7 +58,7 @@ class Point(NamedTuple):
 class First(NamedTuple):
     """The first picture in a way: with compilation or its cache, and the tree."""
 
-    way: Way
+    way: Configuration
     seconds: float
     compile_seconds: float
     again: float  # s: the same picture once more
@@ -137,7 +137,7 @@ class Sweep:
         reference: Reference,
         seconds: float,
         progress: Callable[[float, int], None],
-        make: Callable[[Scene, Way, tuple[int, int]], Any] = Subject,
+        make: Callable[[Scene, Configuration, tuple[int, int]], Any] = Subject,
     ) -> None:
         self.scene, self.size, self.reference, self.progress, self.make = scene, size, reference, progress, make
         self.end = time.perf_counter() + seconds
@@ -149,7 +149,7 @@ class Sweep:
         self._twins: dict[int, NDArray[np.float32]] = {}
         self._rays, self._done, self._total = 0, 0.0, 1.0
 
-    def run(self, ways: Sequence[Way]) -> Measured:
+    def run(self, ways: Sequence[Configuration]) -> Measured:
         """Measure what there is time for."""
         interrupted = False
         self._total = ROUNDS * sum(weight_of(way, step) for way in ways for step in steps_of(way))
@@ -168,7 +168,7 @@ class Sweep:
 
     # --- parts --------------------------------------------------------------------------------------------------------
 
-    def _first(self, way: Way) -> Subject | None:
+    def _first(self, way: Configuration) -> Subject | None:
         """Draw a way's first picture: what it compiles and allocates is seen here, and its speed guessed."""
         if time.perf_counter() > self.end:
             self._leave_out(way, steps_of(way), self._late())
@@ -195,8 +195,8 @@ class Sweep:
         rates = {first.way: first.again / FIRST_SPP for first in self.firsts}
         order = [(weight_of(s.way, step), i) for i, s in enumerate(subjects) for step in steps_of(s.way)]
         steps = {s.way: iter(steps_of(s.way)) for s in subjects}
-        closed: dict[Way, str] = {}
-        last: dict[Way, _Task] = {}
+        closed: dict[Configuration, str] = {}
+        last: dict[Configuration, _Task] = {}
         for _, i in sorted(order):  # the same number of samples in all ways one after the other
             subject, way = subjects[i], subjects[i].way
             step = next(steps[way])
@@ -273,7 +273,7 @@ class Sweep:
     def _tell(self) -> None:
         self.progress(self._done / self._total, self._rays)
 
-    def _leave_out(self, way: Way, steps: Sequence[float], why: str) -> None:
+    def _leave_out(self, way: Configuration, steps: Sequence[float], why: str) -> None:
         unit = "error " if way.adaptive else ""
         texts = [f"{unit}{step:g}{'' if way.adaptive else ' spp'}" for step in steps]
         self.left_out.setdefault(way.name, ([], why))[0].extend(texts)

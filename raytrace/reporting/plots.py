@@ -11,8 +11,8 @@ import numpy as np
 
 from raytrace.errors import RaytraceError
 from raytrace.reporting.analysis import Order, curves_of
+from raytrace.reporting.configurations import Configuration
 from raytrace.reporting.measure import Point
-from raytrace.reporting.ways import Way
 
 COLOURS = {"sobol": "#0072b2", "stratified": "#009e73", "independent": "#d55e00"}  # told apart by the colour-blind
 OTHER = "#555555"
@@ -82,7 +82,7 @@ def _scale(axes: Any, points: Sequence[Point], title: str, x_label: str) -> None
             axis.set_minor_formatter(NullFormatter())
 
 
-def _look(way: Way) -> dict[str, Any]:
+def _look(way: Configuration) -> dict[str, Any]:
     """Colour: sampler; dashes and markers: what else is unusual."""
     dashes, marker = "-", "o"
     if way.adaptive:

@@ -11,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace import image
 from raytrace.errors import FileError, OptionError, printable
+from raytrace.image import files
+from raytrace.image.metrics import screen
 from raytrace.limits import MAX_SEED, MAX_SPP
 from raytrace.native.store import cache_folder
-from raytrace.progress import Progress
 from raytrace.records import Scene
-from raytrace.rendering import render
-from raytrace.reporting.error import screen
+from raytrace.rendering.progress import Progress
+from raytrace.rendering.rendering import render
 
 AHEAD = 10.0  # the reference is so many times more accurate than what it judges
 START, STEP = 16, 4  # samples per pixel of each half: at first, and how many times more up to `PILOT`
@@ -54,7 +54,7 @@ def read_reference(path: Path, size: tuple[int, int]) -> Reference:
     OptionError
         It has another size.
     """
-    rgb = image.load(path).rgb
+    rgb = files.load(path).rgb
     if rgb.shape[:2] != size[::-1]:
         raise OptionError(
             f"reference: {printable(path)} has {rgb.shape[1]}x{rgb.shape[0]} pixels, the film {size[0]}x{size[1]}; "
@@ -145,7 +145,7 @@ def _rung(
 
 def _from_cache(path: Path, size: tuple[int, int]) -> Reference | None:
     try:
-        kept = image.load(path)
+        kept = files.load(path)
         record = kept.provenance
         if kept.rgb.shape[:2] != size[::-1]:
             return None
@@ -164,4 +164,4 @@ def _from_cache(path: Path, size: tuple[int, int]) -> Reference | None:
 def _keep(path: Path, reference: Reference) -> None:
     with contextlib.suppress(OSError):  # where no folder can be written to, every process draws anew
         path.parent.mkdir(parents=True, exist_ok=True)
-        image.save(path, reference.rgb, provenance={name: getattr(reference, name) for name in KEPT})
+        files.save(path, reference.rgb, provenance={name: getattr(reference, name) for name in KEPT})

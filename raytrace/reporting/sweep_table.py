@@ -4,8 +4,8 @@ import math
 from typing import Any
 
 from raytrace.reporting.analysis import Order
+from raytrace.reporting.configurations import Configuration
 from raytrace.reporting.measure import First, Point
-from raytrace.reporting.ways import Way
 
 SCHEMA = "raytrace.report/1"  # of the JSON file; another number where a field changes its meaning or leaves
 HEADER = "", "spp", "s", "Mray/s", "MB", "RMSE", "on screen", "rel. MSE", "bias", "8x8 tile", "SSIM", "efficiency", ""
@@ -99,7 +99,7 @@ def as_json(report: Any) -> dict[str, Any]:
     return plain
 
 
-def _way(way: Way) -> dict[str, Any]:
+def _way(way: Configuration) -> dict[str, Any]:
     return {"name": way.name, **way._asdict()}
 
 

@@ -13,8 +13,8 @@ from raytrace.memory import Allowance, Joining
 from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Lights, Materials, RawMesh, Scene, Settings
 from raytrace.scene import checks
 from raytrace.scene.files import Reach
-from raytrace.scene.given import MARK, read_given
-from raytrace.scene.meshes import read_mesh
+from raytrace.scene.meshes.given import MARK, read_given
+from raytrace.scene.meshes.reading import read_mesh
 from raytrace.scene.place import Placed, assemble, place
 from raytrace.scene.positions import Origins
 from raytrace.scene.problems import MOST, Problem, mesh_problem

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from raytrace.errors import SceneError
 from raytrace.records import Mesh, RawMesh
-from raytrace.scene.rawmesh import quiet_unused, transform
+from raytrace.scene.meshes.raw_mesh import quiet_unused, transform
 
 Vectors = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from raytrace.files import open_regular
 from raytrace.limits import MAX_SCENE
 from raytrace.misnamed import ENCODED, is_utf16, mistaken
 from raytrace.scene import positions
-from raytrace.scene.given import take_meshes
+from raytrace.scene.meshes.given import take_meshes
 from raytrace.scene.problems import MOST, Problem, no_such_file, quote
 
 MAX_NESTING = 100  # the format itself needs 4

@@ -9,14 +9,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from raytrace.show.cost import heatmap
-    from raytrace.show.curves import convergence
-    from raytrace.show.difference import error
+    from raytrace.show.convergence_plot import convergence
     from raytrace.show.drawing import Drawing
-    from raytrace.show.journey import path
-    from raytrace.show.levels import bvh
-    from raytrace.show.points import samples
-    from raytrace.show.viewer import live
+    from raytrace.show.error_map import error
+    from raytrace.show.live_viewer import live
+    from raytrace.show.path_drawing import path
+    from raytrace.show.sample_points import samples
+    from raytrace.show.tree_boxes import bvh
+    from raytrace.show.visit_counts import heatmap
 
 _HOME = {
     "Drawing": "drawing",

@@ -10,12 +10,12 @@ from traitlets import Dict, Float, Int, List, TraitError, Unicode, validate
 from raytrace.errors import RaytraceError
 from raytrace.limits import MAX_SPP
 from raytrace.records import Scene
-from raytrace.rendering import render
-from raytrace.show.artist import Artist, Frame
-from raytrace.show.journey import path
-from raytrace.show.knobs import Knobs, changed, refractive
+from raytrace.rendering.rendering import render
+from raytrace.show.background_renderer import Artist, Frame
 from raytrace.show.orbit import reach
-from raytrace.show.subject import Subject
+from raytrace.show.path_drawing import path
+from raytrace.show.scene_edits import Knobs, changed, refractive
+from raytrace.show.scene_rays import Subject
 
 STILL = 16  # samples a pixel of the picture that stands in where widgets do not run
 CLOSEST, FARTHEST = 0.05, 20.0  # distances, of the scene's own

@@ -6,13 +6,13 @@ import numpy as np
 from harness import ROOT, begin, finish, parser, show, table
 
 import raytrace as rt
-from raytrace.adaptive import Search
-from raytrace.parts import curve
+from raytrace.image.metrics import screen
 from raytrace.passes.edges import weigh
 from raytrace.passes.estimate import LUMINANCE, MODELS
 from raytrace.passes.film import make_film
 from raytrace.records import Scene, Window
-from raytrace.reporting.error import screen
+from raytrace.rendering.adaptive import AdaptiveSampler
+from raytrace.rendering.work_items import curve
 
 SCENES = "cornell-box", "room", "glass-sphere"
 SAMPLERS = "sobol", "stratified", "independent"
@@ -62,7 +62,7 @@ def foretold(scene: Scene, truth: np.ndarray, seeds: int) -> dict[int, float]:
     height, width = truth.shape[:2]
     window = Window(0, 0, width, height)
     at, model = curve(window), MODELS["sobol"]
-    search = Search(make_film(len(at)), at, window, model, target=1.0, cap=1)
+    search = AdaptiveSampler(make_film(len(at)), at, window, model, target=1.0, cap=1)
     search.show(np.s_[:], screen(truth).reshape(-1, 3)[at].T)
     search._mark()
     known = np.zeros_like(search._known)

@@ -5,7 +5,7 @@ import numpy as np
 from harness import begin, finish, interleave, parser, show, table, times_faster
 
 from raytrace.native import compiler
-from raytrace.needs import Picture, needs
+from raytrace.rendering.kernels import Picture, needs
 
 CALLS = 2000
 

@@ -7,7 +7,7 @@ in one line what that amounts to:
 
     seconds = max(work / (workers speed), parts task, bytes / link) + 2 work / (parts slowest) + latency
 
-The last column is what `raytrace.cluster.part_pixels` chooses. Nothing here is measured: it needs no cluster.
+The last column is what `raytrace.rendering.cluster.part_pixels` chooses. Nothing here is measured: it needs no cluster.
 """
 
 import heapq
@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from harness import show, table
 
-from raytrace.cluster import RATE, part_pixels
+from raytrace.rendering.cluster import RATE, part_pixels
 
 BYTES = 96  # of a pixel: twelve sums of eight bytes
 

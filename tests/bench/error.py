@@ -20,15 +20,15 @@ import raytrace as rt
 from raytrace.records import Scene
 from raytrace.reporting import measure
 from raytrace.reporting.analysis import needed
+from raytrace.reporting.configurations import SPP, Configuration, Subject, steps_of
 from raytrace.reporting.folder import check_folder
 from raytrace.reporting.measure import Point, Sweep
 from raytrace.reporting.reference import make_reference
 from raytrace.reporting.sweep import written
-from raytrace.reporting.ways import SPP, Subject, Way, steps_of
 
 PEER = "Mitsuba "  # before the names of its samplers
 PEER_SAMPLERS = "multijitter", "ldsampler", "orthogonal", "stratified", "independent"
-ADAPTIVE, UNIFORM = Way("sobol", "float32", adaptive=True), Way("sobol", "float32")
+ADAPTIVE, UNIFORM = Configuration("sobol", "float32", adaptive=True), Configuration("sobol", "float32")
 ERRORS = 1e-3, 4e-4, 1.4e-4  # RMSE on a screen that the table asks for
 COUNTS = 16, 64, 256  # samples per pixel whose errors are tabled
 COLD = """
@@ -46,7 +46,7 @@ class PeerSubject:
 
     table_bytes = 0  # its memory is not Python's, and unknown
 
-    def __init__(self, scene: Scene, way: Way, size: tuple[int, int]) -> None:
+    def __init__(self, scene: Scene, way: Configuration, size: tuple[int, int]) -> None:
         self.way, self.size = way, size
         self._picture = peer_picture(scene, size, way.sampler.removeprefix(PEER))
 
@@ -60,16 +60,16 @@ class PeerSubject:
         return SimpleNamespace(rgb=rgb, stderr=rgb[..., 0], stats=stats, interrupted=False)
 
 
-def subject(scene: Scene, way: Way, size: tuple[int, int]) -> Any:
+def subject(scene: Scene, way: Configuration, size: tuple[int, int]) -> Any:
     return (PeerSubject if way.sampler.startswith(PEER) else Subject)(scene, way, size)
 
 
-def steps(way: Way) -> tuple[float, ...]:
+def steps(way: Configuration) -> tuple[float, ...]:
     """As many samples per pixel as the smallest error asks of every sampler that is worth a look."""
     return steps_of(way) if way.adaptive else (*SPP, 2 * SPP[-1])
 
 
-def sweep(scene: Scene, size: tuple[int, int], folder: Path, ways: list[Way]) -> list[Point]:
+def sweep(scene: Scene, size: tuple[int, int], folder: Path, ways: list[Configuration]) -> list[Point]:
     """Measure all ways in turn, and write a report of them."""
     began = time.perf_counter()
     truth = make_reference(scene, size, 600.0, lambda share, event: None)
@@ -165,8 +165,8 @@ def main() -> None:
     samplers = args.peer_samplers if Mitsuba in peers else ()
     if not samplers:
         show(f"missing: Mitsuba: {missing['Mitsuba']}\n")
-    ways = [UNIFORM, ADAPTIVE, Way("stratified", "float32"), Way("independent", "float32")]
-    ways += [Way(f"{PEER}{sampler}", "float32") for sampler in samplers]
+    ways = [UNIFORM, ADAPTIVE, Configuration("stratified", "float32"), Configuration("independent", "float32")]
+    ways += [Configuration(f"{PEER}{sampler}", "float32") for sampler in samplers]
     results = {}
     for path in args.scenes:
         size, folder = (args.size, args.size), args.output / path.stem

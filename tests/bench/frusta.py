@@ -13,9 +13,9 @@ from harness import ROOT, begin, finish, parser, show, table
 
 import raytrace as rt
 from raytrace.accel.frustum import ROUNDINGS
-from raytrace.reporting import tracers
-from raytrace.reporting.hard_cases import _differs
-from raytrace.reporting.hard_rays import cases
+from raytrace.hardcases import tracers
+from raytrace.hardcases.rays import cases
+from raytrace.hardcases.suite import _differs
 
 TRIED = 0.0, 0.125, 0.25, 0.5, 1.0, ROUNDINGS
 

@@ -10,8 +10,8 @@ import numpy as np
 from harness import ROOT, begin, finish, parser, show, table
 
 import raytrace as rt
+from raytrace.image.metrics import screen
 from raytrace.passes.camera import make_view
-from raytrace.reporting.error import screen
 
 sys.path.append(str(ROOT / "tests"))
 import naive_sampling as points

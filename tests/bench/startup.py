@@ -36,7 +36,7 @@ def step(name):
     steps[name], last = now - last, now
 import os
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command line has it
-import raytrace, raytrace.cli, raytrace.paths, raytrace.scene.load
+import raytrace, raytrace.cli.main, raytrace.image.paths, raytrace.scene.load
 step("import the command line and the scene format")
 import numpy
 step("import NumPy")
@@ -44,14 +44,14 @@ scene = raytrace.load({SCENE!r})
 step("load the scene and its meshes")
 import llvmlite.binding
 step("import llvmlite.binding")
-import raytrace.rendering
+import raytrace.rendering.rendering
 step("import the renderer")
-from raytrace.needs import tracing
+from raytrace.rendering.kernels import tracing
 from raytrace.scene.plan import make_plan
 from raytrace.passes.camera import make_view
 from raytrace.passes.sampling import make_sampler
-from raytrace.wavefront import Wavefront, make_stage
-from raytrace.stages import set_stage
+from raytrace.rendering.wavefront import Wavefront, make_stage
+from raytrace.rendering.compiled_scenes import set_stage
 stage = make_stage(scene, make_plan(scene), "float32")
 set_stage(scene, stage)
 step("plan and trees")

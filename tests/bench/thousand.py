@@ -11,7 +11,7 @@ from pathlib import Path
 from harness import ROOT, begin, finish, parser, show, table
 
 import raytrace as rt
-from raytrace import image as pictures
+from raytrace.image import files as pictures
 
 SCENES = "cornell-box", "cornell-box-glass", "glass-sphere", "room"
 SETTLED = 50  # renders before anything is counted

@@ -191,14 +191,14 @@ def npz(**arrays: Any) -> bytes:
 
 def pictures() -> dict[str, bytes]:
     """Pictures of 6 x 4 pixels by name."""
-    from raytrace import image
+    from raytrace.image import files
 
     rgb = np.linspace(0, 1, 72, dtype=np.float32).reshape(4, 6, 3)
     provenance = {"version": "1", "spp": 4}
     arrays = {"rgb": rgb, "stderr": rgb[:, :, 0], "depth": rgb[:, :, 1], "samples": np.ones((4, 6), np.int32)}
     return {
-        "a.png": image.png_bytes(rgb, provenance),
-        "a.exr": image._exr_bytes(arrays, provenance),
+        "a.png": files.png_bytes(rgb, provenance),
+        "a.exr": files._exr_bytes(arrays, provenance),
         "a.npz": npz(**arrays, provenance=np.array(json.dumps(provenance))),
         "plain.npz": npz(rgb=rgb),
     }

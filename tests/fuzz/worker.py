@@ -27,14 +27,14 @@ def status(key: str) -> int:
 
 def run(words: list[str]) -> dict[str, Any]:
     """Run one command; what it said, its exit code, seconds, and bytes that its memory grew by at most."""
-    from raytrace import cli
+    from raytrace.cli import main
 
     out, err = io.StringIO(), io.StringIO()
     Path("/proc/self/clear_refs").write_text("5")  # forget the peak of the resident set
     resident, began = status("VmRSS"), time.perf_counter()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
-            code: Any = cli.main(words)
+            code: Any = main.main(words)
         except SystemExit as error:  # argparse
             code = error.code
         except BaseException as error:  # noqa: BLE001  (a find)

@@ -1,0 +1,274 @@
+"""The command line: verbs, messages and exit codes.
+
+Nothing heavy is imported before the command is known to need it, so ``--help`` and mistakes answer at once.
+"""
+
+import os
+import sys
+import time
+from argparse import ArgumentError, ArgumentParser, Namespace
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import raytrace
+from raytrace.cli import arguments, streams
+from raytrace.cli.terminal import ECHO, INTERRUPTED, Reporter, at_terminal, signals_interrupt
+from raytrace.errors import RaytraceError, printable, without_scene_warnings
+
+DONE, INTERNAL, USAGE, FILE, DIFFERENT = 0, 1, 2, 4, 5  # 3, an invalid scene, is SceneError.exit_code
+QUICK = {  # what the program has no use for, and need not wait for
+    "OPENBLAS_NUM_THREADS": "1",  # NumPy would start threads for large matrices: 0.07 s of CPU
+    "PYDANTIC_DISABLE_PLUGINS": "__all__",  # pydantic would look for them among all packages: 0.01 s and more
+}
+EXAMPLES = """\
+examples:
+  raytrace demo                                                writes demo.png
+  raytrace scenes/cornell-box.json                             writes cornell-box.png
+  raytrace scene.json -o a.exr --spp 256 --aov depth,normal    more samples; linear light with layers
+  raytrace explain scene.json                                  what the scene needs, and what is left out
+"""
+
+# render ---------------------------------------------------------------------------------------------------------------
+
+
+def _load(args: Namespace) -> "raytrace.Scene":
+    return raytrace.load(args.scene, args.root, args.max_memory)
+
+
+def _demo(args: Namespace) -> int:
+    args.scene = Path("demo")  # which names the image
+    return _render(args, lambda _args: raytrace.demo())
+
+
+def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _load) -> int:
+    from raytrace.image.paths import check_path
+
+    began = time.perf_counter()
+    path = check_path(args.output or f"{args.scene.stem}.png")  # before time is spent on rendering
+    if args.aov and path.suffix.lower() == ".png":
+        raise ArgumentError(None, f"--aov: a PNG has no room for layers; use -o {path.stem}.exr or {path.stem}.npz")
+    say = (lambda _line: None) if args.quiet else streams.say
+    with signals_interrupt(ECHO) as signals, without_scene_warnings():  # printed here, with the place in the file
+        scene = load(args)
+        from raytrace.cli.delivery import checkpoint_of, connected, deliver, nothing, place_of, remarks
+        from raytrace.scene.checks import warnings_of
+
+        for warning in warnings_of(scene, args.precision):
+            say(f"warning: {warning}")
+        with Reporter(say, bar=at_terminal() and not args.quiet) as reporter:
+            options = {key: getattr(args, key) for key in arguments.RENDER_OPTIONS}
+            options["checkpoint"] = checkpoint_of(path, args.resume, say)
+            with connected(args.cluster) as options["client"]:
+                image = raytrace.render(scene, progress=reporter, **options)
+        if not image.provenance["samples"]:
+            streams.say(nothing(image))
+            return INTERRUPTED
+        with signals.held():  # what is drawn is written
+            place = place_of(image, path)
+            written, failure = deliver(image, place, args.exposure)
+            seconds = time.perf_counter() - began
+            for line in remarks(image, reporter.last, seconds, args.target_error):
+                say(line)
+            if failure or place != path:
+                text = f"{path} exists and is left as it is; the partial image is in {written}"
+                streams.say(failure or printable(text))
+            if args.json:
+                outcome = {"path": str(written), "seconds": seconds, "complete": image.complete}
+                streams.out(streams.json_text(outcome | {"stats": image.stats, "provenance": image.provenance}))
+            else:
+                streams.out(printable(written))
+    return FILE if failure else INTERRUPTED if image.interrupted or signals.came else DONE
+
+
+# The other verbs ------------------------------------------------------------------------------------------------------
+
+
+def _explain(args: Namespace) -> int:
+    streams.out(str(raytrace.explain(_load(args))))
+    return DONE
+
+
+def _check(args: Namespace) -> int:
+    scene = _load(args)
+    for warning in scene.warnings:
+        streams.out(f"warning: {warning}")
+    raytrace.explain(scene)  # says so where no precision holds the scene
+    streams.out(f"{printable(args.scene)}: ok")
+    return DONE
+
+
+def _compare(args: Namespace) -> int:
+    from raytrace.image.metrics import Limits, violations
+
+    try:
+        measured = raytrace.compare(args.image, args.reference)
+    except RaytraceError:
+        raise
+    except ValueError as error:  # of different size
+        streams.say(printable(f"{args.image}, {args.reference}: {error}"))
+        return DIFFERENT
+    broken = violations(measured, Limits(**{name: getattr(args, name) for name in Limits._fields}))
+    if args.json:
+        streams.out(streams.json_text(measured._asdict() | {"violations": broken}))
+    else:
+        for name, value in measured._asdict().items():
+            numbers = value if isinstance(value, tuple) else (value,)
+            streams.out(f"{name:<14} {' '.join(f'{number:.6g}' for number in numbers)}")
+    for line in broken:
+        streams.say(line)
+    return DIFFERENT if broken else DONE
+
+
+def _hard_cases(folder: Path) -> int:
+    from raytrace.hardcases import suite, table
+    from raytrace.reporting.folder import check_folder
+
+    check_folder(folder)
+    tell = (lambda name, k, n: streams.say(f"{k + 1}/{n} {name}")) if at_terminal() else None
+    outcome = suite.run(progress=tell)
+    streams.out(table.text(outcome), end="\n\n")
+    for path in table.write(outcome, folder):
+        streams.out(printable(path))
+    return DIFFERENT if outcome.our_failures else DONE
+
+
+def _report(args: Namespace) -> int:
+    from raytrace.reporting.sweep import report
+
+    if args.hard_cases:
+        if args.scene:
+            raise ArgumentError(None, "report: a scene or --hard-cases, not both")
+        return _hard_cases(args.output)
+    if not args.scene:
+        raise ArgumentError(None, "report: which scene? raytrace report scene.json -o DIR (or --hard-cases)")
+    with signals_interrupt(), without_scene_warnings():  # they are printed here, with the place in the file
+        scene = _load(args)
+        with Reporter(streams.say, bar=at_terminal()) as reporter:
+            options = {name: getattr(args, name) for name in ("reference", "budget", "size")}
+            found = report(scene, args.output, progress=reporter, **options)
+    streams.out(str(found))
+    for path in found.files:
+        streams.out(printable(path))
+    return INTERRUPTED if found.interrupted else DONE
+
+
+def _schema(_args: Namespace) -> int:
+    from raytrace.scene import schema_text
+
+    streams.out(schema_text().rstrip())
+    return DONE
+
+
+def _warmup(_args: Namespace) -> int:
+    from raytrace.rendering.warmup import warmup
+
+    began = time.perf_counter()
+    with Reporter(streams.say, bar=at_terminal()) as reporter:
+        warmup(reporter)
+    streams.out(f"kernels ready after {time.perf_counter() - began:.1f} s")
+    return DONE
+
+
+def _doctor(_args: Namespace) -> int:
+    from raytrace.cli.doctor import findings
+
+    for name, value in findings():
+        streams.out(f"{name:<14}{value}")
+    return DONE
+
+
+# The door -------------------------------------------------------------------------------------------------------------
+
+
+class Verb(NamedTuple):
+    """A word that the command line knows."""
+
+    about: str
+    run: Callable[[Namespace], int]
+    options: Callable[[ArgumentParser], None] = lambda _parser: None
+
+
+VERBS = {
+    "render": Verb("draw a scene; may be left out", _render, arguments.render_options),
+    "demo": Verb("draw a small scene that comes with the package", _demo, arguments.demo_options),
+    "explain": Verb("show what a scene needs, what is left out, and why", _explain, arguments.scene_options),
+    "check": Verb("check a scene and its meshes without drawing", _check, arguments.scene_options),
+    "compare": Verb("measure how far a picture is from a reference", _compare, arguments.compare_options),
+    "report": Verb(
+        "measure speed against error, or how hard rays fare; write a page", _report, arguments.report_options
+    ),
+    "schema": Verb("print the JSON Schema of scene files", _schema),
+    "warmup": Verb("compile kernels now, not at the first picture", _warmup),
+    "doctor": Verb("show versions, processor, cache and optional packages", _doctor),
+}
+
+
+def _parser(name: str, verb: Verb) -> ArgumentParser:
+    parser = arguments.Parser("raytrace" if name == "render" else f"raytrace {name}", verb.about)
+    if name == "render":
+        words = "".join(f"  {word:<10}{known.about}\n" for word, known in VERBS.items())
+        parser.description = f"Draw a scene.\n\n{EXAMPLES}\nverbs (raytrace VERB --help):\n{words}"
+        parser.add_argument("--version", action="version", version=f"raytrace {raytrace.__version__}")
+    verb.options(parser)
+    return parser
+
+
+def _run(words: list[str]) -> int:
+    first = words[0] if words and not words[0].startswith("-") else ""
+    if first in VERBS:
+        return VERBS[first].run(_parser(first, VERBS[first]).parse_args(words[1:]))
+    meant = arguments.suggestion(first, VERBS)
+    if meant and not Path(first).suffix and not Path(first).exists():
+        raise ArgumentError(None, f"'{first}' is neither a verb nor a file{meant}")
+    return VERBS["render"].run(_parser("render", VERBS["render"]).parse_args(words))
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one command.
+
+    Parameters
+    ----------
+    argv : list of str, optional
+        The words after the program's name; by default those of this process.
+
+    Returns
+    -------
+    int
+        Exit code: 0 done, 1 internal failure, 2 command line (argparse itself leaves with it), 3 invalid scene,
+        4 unreadable or unwritable file, 5 comparison or hard cases failed, 130 interrupted.
+
+    Examples
+    --------
+    >>> main(["no-such-scene.json", "--output", "picture.png"])
+    4
+    """
+    for name, value in QUICK.items():
+        os.environ.setdefault(name, value)
+    streams.prepare()
+    try:
+        code = _run(sys.argv[1:] if argv is None else argv)
+        streams.flush()  # a full disk shows here, not at exit
+        return code
+    except RaytraceError as error:
+        streams.say(str(error))
+        return error.exit_code
+    except MemoryError:  # less than was estimated to be free
+        streams.say("memory: there is not enough; take a smaller film by --size, smaller meshes, or fewer --threads")
+        return USAGE
+    except ArgumentError as error:
+        streams.say(f"raytrace: error: {printable(error)}")
+        return USAGE
+    except KeyboardInterrupt:
+        streams.say("interrupted; nothing was saved")
+        return INTERRUPTED
+    except OSError as error:
+        streams.discard(sys.stdout)
+        streams.say(printable(f"{error.filename or 'output'}: {error.strerror or error}"))
+        return FILE
+    except Exception as error:
+        if os.environ.get("RAYTRACE_DEBUG"):
+            raise
+        what = printable(f"{type(error).__name__}: {error}")
+        streams.say(f"internal failure: {what}; please report it (RAYTRACE_DEBUG=1 shows where)")
+        return INTERNAL

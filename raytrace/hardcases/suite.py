@@ -1,0 +1,158 @@
+"""The suite of hard cases: ray tracers run it, and exact arithmetic judges them."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.hardcases.judge import Judge, Query, Verdict, together
+from raytrace.hardcases.peers import peers
+from raytrace.hardcases.rays import Case, cases
+from raytrace.hardcases.shadows import ShadowCase, shadow_cases
+from raytrace.hardcases.tracers import Tracer, tracers
+
+
+class Score(NamedTuple):
+    """How one tracer did in one case; NaN: nothing to measure."""
+
+    rays: int
+    wrong: int  # hits and misses that the exact answer contradicts
+    leaks: int  # rays between equally facing neighbours, or out of a closed mesh
+    self_shadows: int  # lit points that are in shadow
+    light_leaks: int  # points behind a wall that are lit
+    t_error: float  # largest relative error of t, of well-conditioned hits
+    uv_error: float  # largest error of u or v, of well-conditioned hits
+
+    @property
+    def failures(self) -> int:
+        """All that is wrong."""
+        return self.wrong + self.leaks + self.self_shadows + self.light_leaks
+
+
+class Outcome(NamedTuple):
+    """What the suite found."""
+
+    cases: tuple[Case | ShadowCase, ...]
+    tracers: tuple[Tracer, ...]
+    scores: Mapping[tuple[str, str], Score]  # (case, tracer); without the cases that a tracer can't be asked
+    missing: Mapping[str, str]  # peers that are not installed, and why
+
+    def total(self, tracer: Tracer) -> Score:
+        """Sum over all cases."""
+        rows = [score for (_, name), score in self.scores.items() if name == tracer.name]
+        rays, wrong, leaks, self_shadows, light_leaks = (sum(int(row[k]) for row in rows) for k in range(5))
+        t, uv = (float(np.fmax.reduce([row[k] for row in rows] or [math.nan])) for k in (5, 6))
+        return Score(rays, wrong, leaks, self_shadows, light_leaks, t, uv)
+
+    @property
+    def our_failures(self) -> int:
+        """How much is wrong with this package's own answers."""
+        return sum(self.total(tracer).failures for tracer in self.tracers if tracer.exact)
+
+
+# --- run --------------------------------------------------------------------------------------------------------------
+
+
+def run(
+    who: Sequence[Tracer] | None = None,
+    step: int = 1,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Outcome:
+    """Run ray tracers over all hard cases and judge them.
+
+    Parameters
+    ----------
+    who : sequence of Tracer, optional
+        Default: ours, the baseline, and every peer that is installed.
+    step : int
+        Take every step-th ray of each case.
+    progress : callable, optional
+        Is told (name of the case, number of it, number of cases).
+
+    Returns
+    -------
+    Outcome
+
+    Examples
+    --------
+    >>> from raytrace.hardcases.tracers import Ours
+    >>> outcome = run([Ours("float64")], step=199)
+    >>> outcome.total(outcome.tracers[0]).light_leaks
+    0
+    """
+    missing: dict[str, str] = {}
+    if who is None:
+        others, missing = peers()
+        who = [*tracers(), *others]
+    suite: tuple[Case | ShadowCase, ...] = (*cases(), *shadow_cases())
+    scores: dict[tuple[str, str], Score] = {}
+    for number, case in enumerate(suite):
+        if progress:
+            progress(case.name, number, len(suite))
+        found = _rays(case, who, step) if isinstance(case, Case) else _shadows(case, who, step)
+        scores.update(((case.name, name), score) for name, score in found.items())
+    return Outcome(suite, tuple(who), scores, missing)
+
+
+def _rays(case: Case, who: Iterable[Tracer], step: int) -> dict[str, Score]:
+    judges: dict[np.dtype, Judge] = {}
+    scores = {}
+    for tracer in who:
+        if tracer.dtype not in judges:
+            judges[tracer.dtype] = Judge(case.query(tracer.dtype, step))
+        query = judges[tracer.dtype].query
+        if tracer.interval or not _has_limits(query):
+            verdict = _verdict(tracer, judges[tracer.dtype])
+            counts = len(query.o), int(verdict.wrong.sum()), int(verdict.leak.sum()), 0, 0
+            scores[tracer.name] = Score(*counts, verdict.t_error, verdict.uv_error)
+    return scores
+
+
+def _has_limits(query: Query) -> bool:
+    return bool((query.tmin != 0).any() or (query.tmax != np.inf).any())
+
+
+def _verdict(tracer: Tracer, judge: Judge) -> Verdict:
+    """All answers of a tracer together; one that promises a single answer must also keep that."""
+    query = judge.query
+    nearest, blocked = list(tracer.nearest(query)), list(tracer.blocked(query))
+    verdicts = [judge.hits(hits) for hits in _different(nearest)]
+    verdicts += [judge.occluded(answer) for answer in _different(blocked)]
+    if tracer.exact:
+        torn = np.zeros(len(query.o), bool)
+        for hits in nearest:
+            torn |= np.any([_differs(a, b) for a, b in zip(hits, nearest[0], strict=True)], axis=0)
+            torn |= query.tied & (hits.prim_id != judge.lowest())
+        for answer in blocked:
+            torn |= answer != (nearest[0].prim_id >= 0)
+        verdicts.append(Verdict(torn, np.zeros(len(torn), bool), math.nan, math.nan))
+    verdict = together(verdicts)
+    return verdict._replace(wrong=verdict.wrong & ~verdict.leak)
+
+
+def _differs(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
+    return np.asarray((a != b) & ~((a != a) & (b != b)))
+
+
+def _different(answers: list[Any]) -> list[Any]:
+    """Hits or flags without repetitions."""
+    kept: list[Any] = []
+    for answer in answers:
+        if not any(np.array_equal(np.stack(answer), np.stack(other), equal_nan=True) for other in kept):
+            kept.append(answer)
+    return kept
+
+
+def _shadows(case: ShadowCase, who: Iterable[Tracer], step: int) -> dict[str, Score]:
+    scores = {}
+    for tracer in who:
+        query = case.query(tracer.dtype, step)
+        failed = np.zeros(len(query.o), bool)
+        for lit in tracer.shadows(query):
+            failed |= lit.found & (lit.dark != query.dark)
+        count = int(failed.sum())
+        counts = (0, count) if query.dark else (count, 0)
+        scores[tracer.name] = Score(len(query.o), 0, 0, *counts, math.nan, math.nan)
+    return scores

@@ -1,0 +1,1 @@
+"""Image files, colour and error measures; knows nothing of rendering."""

@@ -1,0 +1,252 @@
+"""How far a picture is from a reference: numbers in linear light, and one for the eye."""
+
+import math
+import os
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from raytrace.errors import RaytraceError
+from raytrace.image.files import LUMINANCE, load, srgb_encode
+
+RELATIVE_EPS = 0.01  # radiance^2, keeps black pixels finite in relative_mse: the eps of [Gharbi2019], there with a half
+TILE = 8  # pixels: side of a tile of worst_tile
+OUTLIER = 0.05  # a pixel this far off, relative to itself plus the mean, is seen; rounding and late samples aren't
+SSIM_RADIUS = 5  # pixels: the 11 x 11 Gaussian window of [Wang2004], sigma 1.5
+
+
+class Comparison(NamedTuple):
+    """Distance of a picture a from a reference b, both in linear light; n values, L the mean |luminance| of b.
+
+    A pixel that isn't finite in a or in b counts in `non_finite` and as equal everywhere else; where no pixel is
+    finite all the others are NaN. A ratio 0 / 0 is 0, and x / 0 is inf.
+    """
+
+    rmse: float  # radiance: sqrt(sum((a - b)^2) / n)
+    rmse_srgb: float  # on a screen: the same of the sRGB codes, 0..1, of a and b clipped to 0..1; see `screen`
+    relative_mse: float  # sum((a - b)^2 / (b^2 + RELATIVE_EPS)) / n
+    bias: tuple[float, float, float]  # radiance, per channel: mean(a) - mean(b)
+    relative_bias: tuple[float, float, float]  # per channel: (mean(a) - mean(b)) / mean(b)
+    ssim: float  # structural similarity of the sRGB pictures clipped to 0..1: -1..1, 1 where equal; see `ssim`
+    worst_tile: float  # largest |mean over a tile of (a - b)| of any 8 x 8 tile and channel, / L; see `worst_tile`
+    worst_tile_at: tuple[int, int]  # row and column of the first pixel of that tile
+    outliers: float  # share of pixels with |a - b| > OUTLIER (|b| + L) in some channel
+    non_finite: int  # pixels with NaN or inf in a or in b
+
+
+class Limits(NamedTuple):
+    """What a comparison has to keep; None: no limit. Pixels that aren't finite break every set of limits."""
+
+    max_rmse: float | None = None
+    min_ssim: float | None = None
+    max_bias: float | None = None  # on |relative_bias| of each channel
+    max_worst_tile: float | None = None
+    max_outliers: float | None = None
+    max_rmse_srgb: float | None = None
+    max_relative_mse: float | None = None
+
+
+@np.errstate(over="ignore", invalid="ignore")  # squares of numbers that are too large are inf
+def compare(image: Any, reference: Any) -> Comparison:
+    """Compare a picture with a reference.
+
+    Parameters
+    ----------
+    image, reference : (h, w, 3) array of float, object with ``.rgb``, or path of a picture
+        Linear radiance, the same size.
+
+    Returns
+    -------
+    Comparison
+        Its fields define the numbers.
+
+    Raises
+    ------
+    ValueError
+        The sizes differ, or something isn't a picture.
+    FileError
+        A file can't be read.
+    RaytraceError
+        scikit-image isn't installed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> grey = np.full((16, 16, 3), 0.5)
+    >>> compare(1.25 * grey, grey).relative_bias
+    (0.25, 0.25, 0.25)
+    """
+    a, b = light_of(image, "image"), light_of(reference, "reference")
+    if a.shape != b.shape:
+        raise ValueError(
+            f"pictures of different size: {a.shape[1]}x{a.shape[0]} against a reference of {b.shape[1]}x{b.shape[0]}"
+        )
+    finite: NDArray[np.bool_] = np.all(np.isfinite(a) & np.isfinite(b), axis=2)
+    count = int(finite.sum())
+    if count == 0:
+        nan = math.nan
+        return Comparison(nan, nan, nan, (nan,) * 3, (nan,) * 3, nan, nan, (0, 0), nan, finite.size)
+    a, b = np.where(finite[:, :, None], a, 0.0), np.where(finite[:, :, None], b, 0.0)
+    difference = a - b
+    mean = b.sum(axis=(0, 1)) / count
+    level = level_of(b, count)
+    bias = difference.sum(axis=(0, 1)) / count
+    tile, tile_at = worst_tile(difference)
+    far = (np.abs(difference) > OUTLIER * (np.abs(b) + level)).any(axis=2)
+    return Comparison(
+        rmse=math.sqrt((difference**2).sum() / (3 * count)),
+        rmse_srgb=math.sqrt(((screen(a) - screen(b)) ** 2).sum() / (3 * count)),
+        relative_mse=float((difference**2 / (b**2 + RELATIVE_EPS)).sum() / (3 * count)),
+        bias=(float(bias[0]), float(bias[1]), float(bias[2])),
+        relative_bias=(ratio(bias[0], mean[0]), ratio(bias[1], mean[1]), ratio(bias[2], mean[2])),
+        ssim=ssim(a, b),
+        worst_tile=ratio(tile, level),
+        worst_tile_at=tile_at,
+        outliers=float(far.sum() / count),
+        non_finite=finite.size - count,
+    )
+
+
+def violations(comparison: Comparison, limits: Limits) -> list[str]:
+    """Tell which limits a comparison breaks, a line each; an empty list is a pass.
+
+    >>> black, white = np.zeros((4, 4, 3)), np.ones((4, 4, 3))
+    >>> violations(compare(white, black), Limits(max_rmse=0.5))
+    ['rmse 1 is above 0.5']
+    """
+    c = comparison
+    ceilings = (
+        ("rmse", c.rmse, limits.max_rmse),
+        ("rmse_srgb", c.rmse_srgb, limits.max_rmse_srgb),
+        ("relative_mse", c.relative_mse, limits.max_relative_mse),
+        ("relative bias of red", abs(c.relative_bias[0]), limits.max_bias),
+        ("relative bias of green", abs(c.relative_bias[1]), limits.max_bias),
+        ("relative bias of blue", abs(c.relative_bias[2]), limits.max_bias),
+        (f"worst tile, at row {c.worst_tile_at[0]}, column {c.worst_tile_at[1]},", c.worst_tile, limits.max_worst_tile),
+        ("share of outliers", c.outliers, limits.max_outliers),
+    )
+    lines = [f"{c.non_finite} pixels aren't finite"] if c.non_finite else []
+    # `not <=`: NaN breaks a limit
+    lines += [f"{name} {v:.6g} is above {top:g}" for name, v, top in ceilings if top is not None and not v <= top]
+    if limits.min_ssim is not None and not c.ssim >= limits.min_ssim:
+        lines.append(f"ssim {c.ssim:.6g} is below {limits.min_ssim:g}")
+    return lines
+
+
+def screen(light: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Give the sRGB codes that a screen shows of linear light: encoded, and clipped to 0..1.
+
+    >>> screen(np.array([-1.0, 0.5, 7.0])).round(4).tolist()
+    [0.0, 0.7354, 1.0]
+    """
+    return srgb_encode(np.clip(light, 0.0, 1.0))
+
+
+def ssim(a: NDArray[np.floating], b: NDArray[np.floating]) -> float:
+    """Mean structural similarity of two (h, w, 3) pictures in linear light, for a screen: sRGB clipped to 0..1.
+
+    Notes
+    -----
+    Per channel, with Gaussian weighted moments of an 11 x 11 window, sigma 1.5, c1 = 0.01^2, c2 = 0.03^2:
+    ``(2 ma mb + c1) (2 cov + c2) / ((ma^2 + mb^2 + c1) (va + vb + c2))``, meant over channels and over the pixels whose
+    window lies in the picture. A picture smaller than the window is mirrored outwards, and all its pixels count.
+
+    References
+    ----------
+    [Wang2004], by scikit-image.
+    """
+    return _similarity(a, b)[0]
+
+
+def ssim_map(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Structural similarity around each pixel, as ``ssim`` means it: (h, w), the mean of the channels."""
+    return _similarity(a, b)[1]
+
+
+def _similarity(a: NDArray[np.floating], b: NDArray[np.floating]) -> tuple[float, NDArray[np.float64]]:
+    try:
+        from skimage.metrics import structural_similarity  # 0.2 s: only where pictures are compared
+    except ImportError:
+        raise RaytraceError("comparing pictures needs scikit-image: pip install scikit-image") from None
+    codes = [screen(a), screen(b)]
+    margin = SSIM_RADIUS if min(a.shape[:2]) <= 2 * SSIM_RADIUS else 0
+    if margin:
+        codes = [np.pad(code, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric") for code in codes]
+    wang = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False}
+    mean, everywhere = structural_similarity(*codes, data_range=1.0, channel_axis=2, full=True, **wang)
+    height, width = a.shape[:2]
+    return float(mean), everywhere[margin : margin + height, margin : margin + width].mean(axis=2)
+
+
+def worst_tile(difference: NDArray[np.floating]) -> tuple[float, tuple[int, int]]:
+    """Find the 8 x 8 tile whose mean differs most from zero.
+
+    Parameters
+    ----------
+    difference : (h, w, 3) array of float
+        Radiance.
+
+    Returns
+    -------
+    value : float
+        Radiance: the largest |mean over the tile| of any tile and channel.
+    at : (int, int)
+        Row and column of the tile's first pixel.
+
+    Notes
+    -----
+    Tiles start at multiples of 8; a last one that would hang over the edge is moved inwards, so that all tiles are
+    whole and one pixel at the edge weighs no more than elsewhere. A picture narrower than 8 has one tile, as narrow.
+    """
+    means, rows, columns = tile_means(difference)
+    size = np.abs(means).max(axis=2)
+    row, column = np.unravel_index(np.argmax(size), size.shape)
+    return float(size[row, column]), (int(rows[row]), int(columns[column]))
+
+
+def tile_means(field: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDArray[np.int64], NDArray[np.int64]]:
+    """Means of an (h, w, c) field over the tiles of ``worst_tile``, (r, k, c); their first rows (r,), columns (k,)."""
+    side = [min(TILE, extent) for extent in field.shape[:2]]
+    rows, columns = (
+        np.unique(np.append(np.arange(0, extent - size + 1, size), extent - size))
+        for extent, size in zip(field.shape[:2], side, strict=True)
+    )
+    windows = np.lib.stride_tricks.sliding_window_view(field, side, axis=(0, 1))
+    return windows[np.ix_(rows, columns)].mean(axis=(3, 4)), rows, columns
+
+
+def light_of(picture: Any, name: str) -> NDArray[np.float64]:
+    """Linear radiance of what ``compare`` takes: (h, w, 3)."""
+    if isinstance(picture, str | os.PathLike):
+        picture = load(picture)
+    values: ArrayLike = getattr(picture, "rgb", picture)
+    array = np.asarray(values)
+    if array.ndim != 3 or array.shape[2] != 3 or array.size == 0 or array.dtype.kind != "f":
+        raise ValueError(
+            f"{name}: expected linear radiance, (height, width, 3) float, got {array.shape} {array.dtype.name}"
+        )
+    return array.astype(np.float64, order="C")  # sums are added in the same order wherever a picture comes from
+
+
+def level_of(light: NDArray[np.floating], count: int) -> float:
+    """Mean |luminance| of (h, w, 3) light over ``count`` pixels, the others 0: what differences are relative to.
+
+    >>> round(level_of(np.full((2, 2, 3), -0.5), 4), 12)
+    0.5
+    """
+    luminance = light @ LUMINANCE
+    if luminance.min() >= 0.0:
+        return float(light.sum(axis=(0, 1)) / count @ LUMINANCE)
+    return float(np.abs(luminance).sum() / count)
+
+
+def ratio(x: float, y: float) -> float:
+    """Divide; 0 / 0 is 0, and x / 0 inf.
+
+    >>> ratio(0.0, 0.0), ratio(2.0, 0.0), ratio(1.0, 2.0)
+    (0.0, inf, 0.5)
+    """
+    if x == 0.0:
+        return 0.0
+    return float(x / y) if y != 0.0 else math.inf

@@ -1,0 +1,1 @@
+"""Render a scene: options, work items, threads, checkpoints, clusters."""

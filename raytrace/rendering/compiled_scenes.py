@@ -1,0 +1,42 @@
+"""Scenes on their stages: kept as long as a scene lives, so that it is built once."""
+
+from weakref import WeakKeyDictionary
+
+from raytrace.memory import Trees
+from raytrace.records import Scene
+from raytrace.rendering.wavefront import CompiledScene, compile_scene
+from raytrace.scene.plan import Plan, make_plan
+
+_stages: WeakKeyDictionary[Scene, dict[str, CompiledScene]] = WeakKeyDictionary()  # by precision
+
+
+def set_compiled(scene: Scene, stage: CompiledScene) -> None:
+    """Draw a scene on this stage from now on, in the stage's precision."""
+    _stages.setdefault(scene, {})[stage.bvh.precision] = stage
+
+
+def plan_of(scene: Scene) -> Plan:
+    """The plan of a scene; a stage that it is drawn on knows it."""
+    for stage in _stages.get(scene, {}).values():
+        return stage.plan
+    return make_plan(scene)
+
+
+def is_built(scene: Scene, precision: str) -> bool:
+    """Whether there is a stage that a scene is drawn on."""
+    return precision in _stages.get(scene, {})
+
+
+def compiled_of(scene: Scene, plan: Plan, precision: str) -> CompiledScene:
+    """The stage that a scene is drawn on, built if it isn't there yet."""
+    stages = _stages.setdefault(scene, {})
+    if precision not in stages:
+        stages[precision] = compile_scene(scene, plan, precision)
+    return stages[precision]
+
+
+def trees_of(scene: Scene, plan: Plan, precision: str) -> Trees:
+    """What the memory of a scene that is drawn depends on."""
+    triangles = 0 if is_built(scene, precision) else len(scene.mesh.faces)
+    width = 4 if precision == "float32" else 8
+    return Trees(triangles, 1 + plan.transparent, width, plan.refraction, plan.lights > 0)

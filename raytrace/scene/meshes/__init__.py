@@ -1,0 +1,1 @@
+"""Mesh files of all formats to arrays of triangles."""

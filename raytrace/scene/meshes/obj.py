@@ -1,0 +1,186 @@
+"""Wavefront OBJ text to arrays.
+
+Why trimesh does not read it is measured in docs/robustness.md. The text is worked on in bulk; a line is looked at alone
+only where it is irregular. Materials, texture coordinates, groups, lines and points are ignored.
+"""
+
+from collections.abc import Callable
+from itertools import chain, repeat
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.errors import shortened
+from raytrace.records import RawMesh
+from raytrace.scene.meshes.polygons import PolygonError, triangulate
+from raytrace.scene.meshes.words import INFINITE, NO_NUMBER, WordError, number, plain, to_array, whole
+
+Words = list[bytes]
+Integers = NDArray[np.int64]
+
+
+class ObjError(ValueError):
+    """Text that is no OBJ.
+
+    Parameters
+    ----------
+    line : int
+        Number of the line to blame, from 1.
+    text : str
+        What is wrong with it.
+    """
+
+    def __init__(self, line: int, text: str) -> None:
+        self.line = line
+        super().__init__(text)
+
+
+class _Statements(NamedTuple):
+    """The statements of one keyword: their words without it, and for each statement its line and number of words."""
+
+    words: Words
+    lines: Integers
+    sizes: Integers
+
+
+def _lines(data: bytes) -> Words:
+    """Return the lines, made regular where one is not: no tabs, indents or comments; a continued one at its last."""
+    data = plain(data)
+    if b"1.#" in data or b"1#" in data:  # no comments: what Microsoft's C library writes for what is no number
+        data = INFINITE.sub(rb"\1inf", NO_NUMBER.sub(b"nan", data))
+    lines = data.splitlines()
+    comment_lines = data.count(b"\n#") + data.startswith(b"#")
+    irregular = any(mark in b"\n" + data for mark in (b"\\", b"\t", b"\n ", b"\r "))
+    if data.count(b"#") == comment_lines and not irregular:
+        return lines
+    begun: Words = []
+    for i, line in enumerate(lines):
+        begun += line.partition(b"#")[0].split()
+        if begun and begun[-1].endswith(b"\\"):
+            begun[-1], lines[i] = begun[-1][:-1], b""
+        else:
+            begun, lines[i] = [], b" ".join(begun)
+    if begun:  # the last line says that it goes on
+        lines[-1] = b" ".join(begun)
+    return lines
+
+
+def _gather(lines: Words, key: bytes, most: int) -> _Statements:
+    """Return the statements that begin with a key, cut to at most so many words."""
+    start = key + b" "
+    found = [i for i, line in enumerate(lines) if line.startswith(start)]
+    if key in lines:  # the key alone is too short a statement
+        found = sorted([*found, *(i for i, line in enumerate(lines) if line == key)])
+    words = b" ".join([lines[i] for i in found]).split()
+    numbers = np.array(found, np.int64) + 1
+    if len(words) == 4 * len(found) == 4 * words[::4].count(key):  # three words each: nearly always
+        del words[::4]
+        return _Statements(words, numbers, np.full(len(found), 3))
+    rows = [lines[i].split()[1 : most + 1] for i in found]
+    sizes = np.array([len(row) for row in rows])
+    if sizes.min() < 3:
+        short = int(np.argmin(sizes))
+        what = "a face of at least 3 corners" if key == b"f" else "3 numbers"
+        raise ObjError(int(numbers[short]), f"expected {what}, got {sizes[short]}")
+    return _Statements(list(chain.from_iterable(rows)), numbers, sizes)
+
+
+def _shown(word: bytes) -> str:
+    return repr(shortened(word.decode("utf-8", "replace")))
+
+
+def _convert(words: Words, kind: Callable[[bytes], Any], what: str, line_of: Callable[[int], int]) -> NDArray[Any]:
+    """Turn words into an array, or blame the line of the first that won't."""
+    try:
+        return to_array(words, kind)
+    except WordError as error:
+        raise ObjError(line_of(error.place), f"expected {what}, got {_shown(error.word)}") from None
+
+
+def _numbers(rows: _Statements) -> NDArray[np.float64]:
+    return _convert(rows.words, number, "a number", lambda i: int(rows.lines[i // 3])).reshape(-1, 3)
+
+
+def _references(words: Words, lines: Integers, target: _Statements, what: str) -> Integers:
+    """Return the row of the target that each corner refers to: from 1, or negative and counted back; 0 gives -1."""
+    index = _convert(words, whole, f"the index of a {what}", lambda i: int(lines[i]))
+    count = len(target.lines)
+    row = index - 1
+    back = np.flatnonzero(index < 0)
+    row[back] = index[back] + np.searchsorted(target.lines, lines[back])
+    wrong = (row >= count) | ((row < 0) & ((index != 0) | (what == "vertex")))
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        text = f"{what} {index[first]} does not exist; the file has {count}, counted from 1"
+        raise ObjError(int(lines[first]), text)
+    return row
+
+
+def _parts(corners: Words, lines: Integers) -> tuple[Words, Words]:
+    """Return the words of vertices and normals in corners v, v/vt, v//vn or v/vt/vn; where there is none, 0."""
+    slashes = list(map(bytes.count, corners, repeat(b"/")))
+    if not any(slashes):
+        return corners, [b"0"] * len(corners)
+    if max(slashes) > 2:
+        first = next(i for i, count in enumerate(slashes) if count > 2)
+        text = f"expected a corner v, v/vt, v//vn or v/vt/vn, got {_shown(corners[first])}"
+        raise ObjError(int(lines[first]), text)
+    if slashes.count(2) < len(corners):
+        corners = [corner + b"/" * (2 - count) for corner, count in zip(corners, slashes, strict=True)]
+    parts = b"/".join(corners).split(b"/")  # thrice as fast as a split for each corner
+    return parts[::3], [part or b"0" for part in parts[2::3]]
+
+
+def read_obj(data: bytes) -> RawMesh:
+    r"""Read all triangles and polygons of an OBJ file.
+
+    Parameters
+    ----------
+    data : bytes
+        The file's content.
+
+    Returns
+    -------
+    RawMesh
+        Its polygons as triangles; no triangles where the file has no faces.
+
+    Raises
+    ------
+    ObjError
+        What is wrong, and in which line.
+
+    Examples
+    --------
+    >>> read_obj(b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4").faces.tolist()
+    [[0, 1, 2], [0, 2, 3]]
+    """
+    text = _lines(data)
+    points, faces = _gather(text, b"v", 3), _gather(text, b"f", len(data))
+    vertices, lines = _numbers(points), np.repeat(faces.lines, faces.sizes)
+    vertex_words, normal_words = _parts(faces.words, lines)
+    rows = _references(vertex_words, lines, points, "vertex")
+    _check_finite(vertices, rows, points.lines)
+    try:
+        triangles = triangulate(vertices, rows, faces.sizes)
+    except PolygonError as error:
+        raise ObjError(int(faces.lines[error.polygon]), str(error)) from None
+    try:  # what is wrong with normals matters only where they are used
+        directions = _gather(text, b"vn", 3)
+        normals = _numbers(directions)
+        normal_rows = _references(normal_words, lines, directions, "normal") if len(normals) else None
+    except ObjError as error:
+        return RawMesh(vertices, rows[triangles], None, None, f":{error.line}: {error}")
+    if normal_rows is None:
+        return RawMesh(vertices, rows[triangles], None, None)
+    return RawMesh(vertices, rows[triangles], normals, normal_rows[triangles])
+
+
+def _check_finite(vertices: NDArray[np.float64], rows: Integers, lines: Integers) -> None:
+    """Blame the line of the first vertex that is used and not finite."""
+    finite = np.isfinite(vertices).all(axis=1)
+    if not finite.all():
+        bad = np.intersect1d(np.flatnonzero(~finite), rows)
+        if len(bad):
+            row = int(bad[0])
+            raise ObjError(int(lines[row]), f"vertex {row + 1} is not finite: {vertices[row].tolist()}")

@@ -1,0 +1,171 @@
+"""Mesh files to arrays, by readers that believe nothing of what a file announces."""
+
+import gzip
+import io
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from raytrace.errors import FileError, FileMemoryError, RaytraceError, SceneError, shortened
+from raytrace.limits import MAX_MESH, MAX_TRIANGLES
+from raytrace.memory import Allowance, of_reading
+from raytrace.misnamed import ENCODED, is_utf16, mistaken
+from raytrace.records import RawMesh
+from raytrace.scene.files import Reach, format_of, locate
+from raytrace.scene.meshes.errors import TooLargeError, TooManyTrianglesError, UnsupportedError
+from raytrace.scene.meshes.glb import read_glb
+from raytrace.scene.meshes.obj import ObjError, read_obj
+from raytrace.scene.meshes.ply import read_ply
+from raytrace.scene.meshes.raw_mesh import concatenate
+from raytrace.scene.meshes.stl import is_binary, is_text, read_stl
+
+READERS: dict[str, Callable[[bytes, float], list[RawMesh | None]]] = {  # of a file's content, and triangles at most
+    ".obj": lambda data, _: [read_obj(data)],
+    ".ply": lambda data, _: [read_ply(data)],
+    ".stl": lambda data, _: [read_stl(data)],
+    ".glb": lambda data, most: list(read_glb(data, most)),
+}
+PLACED = 200  # bytes of a triangle that a node places
+
+
+MAX_REASON = 300  # characters
+PIECE = 2**20  # bytes of a compressed file that are unfolded at a time
+BEGIN = 100  # bytes that show what a file is
+SPACES = 32  # characters up to this one part words
+
+
+def _read_bytes(path: Path, allowance: Allowance) -> bytes:
+    try:
+        if path.suffix.lower() != ".gz":
+            _afford(path, path.stat().st_size, None, allowance)
+            return path.read_bytes()
+        with gzip.open(path) as file:
+            data = io.BytesIO()
+            while piece := file.read(PIECE):
+                data.write(piece)
+                if data.tell() > MAX_MESH:
+                    raise FileError(f"{path}: unfolds to more than {MAX_MESH} bytes; split it or simplify it")
+                _afford(path, data.tell(), None, allowance)
+            return data.getvalue()
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        with path.open("rb") as file:
+            _check_kind(path, file.read(BEGIN))
+        raise SceneError([f"{path}: broken or truncated gzip file: {error}"]) from None
+    except FileError:
+        raise
+    except OSError as error:
+        raise FileError(f"{path}: can't be read: {error.strerror or error}") from None
+
+
+def _afford(path: Path, length: int, words: int | None, allowance: Allowance) -> None:
+    """Refuse a file that takes more memory than there is."""
+    if lacks := allowance.lacks(of_reading(format_of(path), length, words), "split it or simplify it"):
+        raise FileMemoryError(f"memory: {path}: {lacks}")
+
+
+def _other_reader(path: Path, reach: Reach | None, allowance: Allowance) -> Callable[[bytes, float], list[RawMesh]]:
+    from raytrace.scene.meshes.other_formats import other_reader  # which few scenes need
+
+    return other_reader(path, reach, allowance)
+
+
+def _refusal(path: Path, error: ValueError, allowance: Allowance) -> SceneError | FileError:
+    """Word why a file that may be sound is refused."""
+    if isinstance(error, TooManyTrianglesError):
+        if lacks := allowance.lacks(PLACED * error.load, "simplify it, or place it less often"):
+            return FileMemoryError(f"memory: {path}: {error}, which {lacks}")
+        return FileError(f"{path}: {error}; at most {MAX_TRIANGLES:,}")
+    text = f"{path}: {shortened(' '.join(str(error).split()), MAX_REASON)}"
+    return FileError(text) if isinstance(error, TooLargeError) else SceneError([text])
+
+
+def _words(data: bytes, kind: str) -> int | None:
+    """At most so many words are in a text; None: it is none."""
+    text = kind == ".obj" or (kind == ".ply" and b"format ascii" in data[:1000]) or (kind == ".stl" and is_text(data))
+    if not text:
+        return None
+    return int(np.count_nonzero(np.frombuffer(data, np.uint8) <= SPACES)) + data.count(b"/") * (kind == ".obj")
+
+
+def _check(mesh: RawMesh, path: Path) -> None:
+    wrong = ((mesh.faces < 0) | (mesh.faces >= len(mesh.vertices))).any(axis=1)
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        text = f"face row {row} uses vertices {mesh.faces[row].tolist()}, but there are {len(mesh.vertices)}"
+        raise SceneError([f"{path}: {text}, counted from 0"])
+    finite = np.isfinite(mesh.vertices).all(axis=1)
+    if not finite.all():
+        bad = np.intersect1d(np.flatnonzero(~finite), mesh.faces)  # others have no say
+        if len(bad):
+            row = int(bad[0])
+            raise SceneError([f"{path}: vertex row {row} is not finite: {mesh.vertices[row].tolist()}"])
+
+
+def _check_kind(path: Path, data: bytes) -> None:
+    """Refuse a file that is something else than its name says."""
+    if text := mistaken(data):
+        raise FileError(f"{path}: {text}")
+    kind = format_of(path)
+    if kind != ".glb" and is_utf16(data) and not (kind == ".stl" and is_binary(data)):
+        raise SceneError([f"{path}: {ENCODED}"])
+
+
+def read_mesh(path: Path, allowance: Allowance | None = None, reach: Reach | None = None) -> RawMesh:
+    """Read all triangles of a mesh file; several parts become one, each where its transforms put it.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        An OBJ, PLY, STL or GLB file, or one of another known format, plain or compressed with gzip.
+    allowance : Allowance, optional
+        Memory that it may take; by default what is free.
+    reach : Reach, optional
+        Where other files may lie that it names; by default below its own folder.
+
+    Returns
+    -------
+    RawMesh
+        At least one triangle, and warnings.
+
+    Raises
+    ------
+    SceneError
+        What is wrong with the content; one line that begins with the path, for OBJ with ``path:line``.
+    FileError
+        The file is missing, a directory, too large or can't be read.
+
+    Examples
+    --------
+    >>> read_mesh(Path("nowhere/box.obj"))
+    Traceback (most recent call last):
+    raytrace.errors.FileError: nowhere/box.obj: no such file; there is no folder nowhere
+    """
+    locate(path)
+    allowance = allowance or Allowance()
+    data, kind = _read_bytes(path, allowance), format_of(path)
+    _check_kind(path, data)
+    _afford(path, len(data), _words(data, kind), allowance)
+    most = min(MAX_TRIANGLES, allowance.left / PLACED)
+    try:
+        with np.errstate(all="ignore"):  # what is not finite is found below
+            read = READERS.get(kind) or _other_reader(path, reach, allowance)
+            parts = [part for part in read(data, most) if part is not None]
+    except RaytraceError:
+        raise
+    except ObjError as error:
+        raise SceneError([f"{path}:{error.line}: {error}"]) from None
+    except MemoryError:  # less than seemed free
+        raise FileMemoryError(f"memory: {path}: there is not enough to read it; split it or simplify it") from None
+    except (TooLargeError, UnsupportedError) as error:
+        raise _refusal(path, error, allowance) from None
+    except (ValueError, OverflowError, RecursionError) as error:
+        reason = shortened(" ".join(str(error).split()) or type(error).__name__, MAX_REASON)
+        raise SceneError([f"{path}: no complete {kind[1:].upper()} file: {reason}"]) from error
+    if not sum(len(part.faces) for part in parts):
+        raise SceneError([f"{path}: no triangles in it"])
+    for part in parts:
+        _check(part, path)
+    mesh = concatenate(parts) if len(parts) > 1 else parts[0]
+    return mesh._replace(normals_fault=f"{path}{mesh.normals_fault}") if mesh.normals_fault else mesh

@@ -1,0 +1,131 @@
+"""``path``: one sample of a pixel, surface by surface, with its shadow rays and the numbers of each step."""
+
+from base64 import b64encode
+from html import escape
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.image.files import srgb8
+from raytrace.limits import MAX_SPP
+from raytrace.rendering.options import within
+from raytrace.rendering.rendering import render
+from raytrace.show.annotations import keys
+from raytrace.show.drawing import VERMILION, Drawing, sheet, show_picture
+from raytrace.show.path_elevations import draw_elevations
+from raytrace.show.path_section import draw_section
+from raytrace.show.path_steps import Steps, follow
+from raytrace.show.path_tables import as_html, as_text, tables_of
+from raytrace.show.scene_rays import AnyScene, Subject, make_subject
+
+SIDE = 200  # pixels of the longer side of the picture beside the path
+
+
+class PathDrawing(Drawing):
+    """A ``Drawing`` of a path; ``print`` it for its numbers, and look into ``steps`` for all of them.
+
+    Attributes
+    ----------
+    steps : Steps
+        ``path``: a Step for each ray; ``shadows``: a ShadowRay for each light; ``radiance``.
+    """
+
+    def __init__(self, title: str, steps: Steps, figure: Any) -> None:
+        super().__init__(title, _arrays(steps), figure)
+        self.steps = steps
+
+    def __str__(self) -> str:
+        return "\n\n".join([self.title, *(as_text(table) for table in tables_of(self.steps))])
+
+    def _repr_html_(self) -> str:
+        data, size = self._repr_png_()
+        picture = f"data:image/png;base64,{b64encode(data).decode()}"
+        img = f'<img alt="{escape(self.title)}" width="{size["width"]}" src="{picture}">'
+        return "\n".join([img, *(as_html(table) for table in tables_of(self.steps))])
+
+
+def _arrays(steps: Steps) -> dict[str, NDArray[Any]]:
+    fields = ("o", "d", "t", "prim_id", "p", "ng", "ns", "eta", "angle_in", "angle_out")
+    data = {name: np.array([getattr(step, name) for step in steps.path]) for name in fields}
+    for name in ("o", "d", "t", "irradiance", "radiance"):
+        data[f"shadow_{name}"] = np.array([getattr(ray, name) for ray in steps.shadows])
+    return data | {"radiance": steps.radiance}
+
+
+def path(
+    scene: AnyScene, pixel: tuple[int, int], *, size: tuple[int, int] | None = None, sample: int = 0
+) -> PathDrawing:
+    """Follow one sample of a pixel from the camera to where it ends, and draw it from the side and from above.
+
+    Parameters
+    ----------
+    scene : Scene, str, Path or dict
+        A loaded scene, a scene file, or its content.
+    pixel : (x, y)
+        Column and row of the film, (0, 0) at the top left.
+    size : (width, height), pixels, optional
+        Of the film; default: what the scene says.
+    sample : int
+        Which sample of the pixel, from 0 on.
+
+    Returns
+    -------
+    PathDrawing
+        ``print`` it for the tables. ``data``: for each ray of the path "o", "d", "t", "prim_id", "p", "ng", "ns",
+        "eta", "angle_in", "angle_out"; for each light "shadow_o", "shadow_d", "shadow_t", "shadow_irradiance",
+        "shadow_radiance"; and the sample's "radiance". ``steps`` has the same as records.
+
+    Raises
+    ------
+    SceneError, FileError
+        As ``load`` does.
+    OptionError
+        A pixel that isn't on the film.
+    RaytraceError
+        matplotlib isn't installed.
+
+    Notes
+    -----
+    The sample goes through the kernels of ``render``, in its precision: hits and radiance are the same bits.
+
+    Examples
+    --------
+    >>> import raytrace as rt
+    >>> drawing = rt.show.path("scenes/cornell-box-glass.json", (24, 24), size=(64, 64))
+    >>> [(step.event, step.material) for step in drawing.steps.path]
+    [('enters', 'pane'), ('lands', 'grey')]
+    """
+    subject = make_subject(scene, size)
+    column, row = (
+        within("pixel", number, 0, most - 1) for number, most in zip(pixel, subject.settings.size, strict=True)
+    )
+    steps = follow(subject, (column, row), within("sample", sample, 0, MAX_SPP - 1))
+    title = f"{subject.name}: sample {sample} of pixel ({column}, {row}), {subject.stage.bvh.precision}"
+    with sheet(14, 8.4) as figure:
+        figure.suptitle(title)
+        grid = figure.add_gridspec(2, 1, height_ratios=(5, 3))
+        top, bottom = grid[0].subgridspec(1, 3, width_ratios=(4, 7, 2)), grid[1].subgridspec(1, 2)
+        _picture(figure.add_subplot(top[0]), subject, (column, row))
+        draw_section(subject, steps, figure.add_subplot(top[1]))
+        _legend(figure.add_subplot(top[2]))
+        draw_elevations(subject, steps, [figure.add_subplot(bottom[k]) for k in range(2)])
+    return PathDrawing(title, steps, figure)
+
+
+def _picture(axes: Any, subject: Subject, pixel: tuple[int, int]) -> None:
+    """The scene, with a ring around the pixel."""
+    width, height = subject.settings.size
+    scale = min(SIDE / max(width, height), 1.0)
+    small = max(round(scale * width), 1), max(round(scale * height), 1)
+    show_picture(axes, srgb8(render(subject.scene, spp=4, size=small, progress=False).rgb))
+    at = [
+        (number + 0.5) * part / whole - 0.5 for number, part, whole in zip(pixel, small, (width, height), strict=True)
+    ]
+    axes.plot(*at, "o", markersize=15, markerfacecolor="none", markeredgecolor="white", markeredgewidth=3.5)
+    axes.plot(*at, "o", markersize=15, markerfacecolor="none", markeredgecolor=VERMILION, markeredgewidth=2)
+
+
+def _legend(axes: Any) -> None:
+    axes.axis("off")
+    axes.legend(handles=keys(), loc="center")

@@ -1,0 +1,59 @@
+"""A path seen from the side and from above, as in the drawings of an architect: all lengths are true to scale."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.show.annotations import draw_path, draw_shadows
+from raytrace.show.drawing import BLACK, ORANGE
+from raytrace.show.mesh_outline import wires
+from raytrace.show.path_steps import Steps
+from raytrace.show.scene_rays import Subject
+
+MORE = 0.5  # of the extent of the path, on each side of it, is all that is shown of a scene that is larger
+
+
+def draw_elevations(subject: Subject, steps: Steps, axes: Any) -> None:
+    """Draw a path from the side and from above, on two axes; to the right is away from the camera."""
+    view = subject.view
+    right, down = (vector / np.linalg.norm(vector) for vector in (view.right, view.down))
+    frame = np.stack([view.forward, -down, -right]).astype(np.float64)  # away, up, left
+
+    def seen(points: NDArray[np.floating]) -> NDArray[np.float64]:
+        return (np.asarray(points, np.float64) - view.origin) @ frame.T
+
+    low, high = _limits(seen(_points(subject, steps)), seen(subject.scene.mesh.vertices))
+    lights = seen(subject.scene.lights.position)
+    for k, (name, up) in enumerate((("from the side", 1), ("from above", 2))):
+        _scene(axes[k], seen(wires(subject.scene.mesh, frame[3 - up]))[..., [0, up]], lights[:, [0, up]])
+        half = (high[up] - low[up]) / 2
+        draw_shadows(axes[k], steps, lambda points, up=up: seen(points)[..., [0, up]])  # type: ignore[misc]
+        draw_path(axes[k], steps, lambda points, up=up: seen(points)[..., [0, up]], half)  # type: ignore[misc]
+        axes[k].set(xlim=(low[0], high[0]), ylim=(low[up], high[up]), aspect="equal", ylabel=("up", "left")[k])
+        axes[k].set_title(name, loc="left")
+        axes[k].set_xlabel("away from the camera, world units")
+
+
+def _points(subject: Subject, steps: Steps) -> NDArray[np.floating]:
+    """Points that must be in the drawing: camera, path, and lights."""
+    met = [step.p for step in steps.path if step.prim_id >= 0]
+    return np.concatenate([[subject.view.origin], *([met] if met else []), subject.scene.lights.position])
+
+
+def _limits(points: NDArray[np.float64], mesh: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners of the drawing: around the points, and as much of the mesh as goes well with them."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    more = MORE * (high - low).max() or np.inf
+    low = np.minimum(low, np.maximum(mesh.min(axis=0), low - more))
+    high = np.maximum(high, np.minimum(mesh.max(axis=0), high + more))
+    margin = 0.05 * (high - low).max()
+    return low - margin, high + margin
+
+
+def _scene(axes: Any, lines: NDArray[np.float64], lights: NDArray[np.float64]) -> None:
+    from matplotlib.collections import LineCollection
+
+    axes.add_collection(LineCollection(list(lines), colors="#b8b8b8", linewidths=0.7, zorder=1))
+    axes.plot(0, 0, ">", color=BLACK, markersize=11, zorder=5)
+    axes.plot(*lights.T, "*", color=ORANGE, markeredgecolor=BLACK, markersize=14, zorder=6, linestyle="")

@@ -1,0 +1,162 @@
+"""The steps of one sample: ``render``'s own wavefront, which writes down what its first ray does."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.accel.lanes import PACKET
+from raytrace.errors import printable
+from raytrace.passes.sampling import make_sampler
+from raytrace.records import REFRACTIVE, Batch, Columns
+from raytrace.rendering.wavefront import Wavefront
+from raytrace.show.scene_rays import Subject
+
+
+class Step(NamedTuple):
+    """A ray of the path, and what it met; points, normals and angles are NaN where it met nothing."""
+
+    o: NDArray[np.floating]  # (3,) f, world units
+    d: NDArray[np.floating]  # (3,) f: unit
+    t: float  # world units; inf: it left the scene
+    prim_id: int  # row of the faces; -1: it left the scene
+    p: NDArray[np.floating]  # (3,) f, world units
+    ng: NDArray[np.floating]  # (3,) f: unit geometric normal, on the ray's side
+    ns: NDArray[np.floating]  # (3,) f: unit shading normal, on the ray's side
+    material: str
+    event: str  # what happened there
+    onward: NDArray[np.floating] | None  # (3,) f: unit, how it went on; None: the path ends
+    eta: float  # transmitted / incident; NaN where nothing is refracted
+    angle_in: float  # degrees, to the shading normal
+    angle_out: float  # degrees; NaN where the path ends
+
+
+class ShadowRay(NamedTuple):
+    """A shadow ray from the end of the path to a light."""
+
+    light: int
+    o: NDArray[np.floating]  # (3,) f, world units
+    d: NDArray[np.floating]  # (3,) f, world units: to the light, which is at t = 1
+    event: str  # "reaches", "blocked" or "faces away"
+    t: float  # where it ends: 1, or at what blocks it; NaN where none was sent
+    irradiance: NDArray[np.floating]  # (3,) f, W / m^2: that reaches the surface
+    radiance: NDArray[np.floating]  # (3,) f: that it adds
+
+
+class Steps(NamedTuple):
+    """One sample of one pixel."""
+
+    path: tuple[Step, ...]
+    shadows: tuple[ShadowRay, ...]
+    radiance: NDArray[np.floating]  # (3,) f: what the sample brings home
+
+
+class _Met(NamedTuple):
+    """What the wavefront computed for a ray."""
+
+    o: NDArray[np.floating]
+    d: NDArray[np.floating]
+    t: float
+    prim_id: int
+    u: float
+    v: float
+
+
+class _Lit(NamedTuple):
+    """What the wavefront computed for a light."""
+
+    o: NDArray[np.floating]
+    d: NDArray[np.floating]
+    sent: bool
+    occluded: bool
+    irradiance: float  # per flux
+    added: NDArray[np.floating]
+
+
+class _Recorder(Wavefront):
+    """A wavefront all of whose rays are the same, and which keeps what the first one does."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.sent: list[_Met] = []
+        self.lit: list[_Lit] = []
+
+    def first(self, field: NDArray[np.floating]) -> NDArray[np.floating]:
+        """x, y and z of the first ray."""
+        return field.reshape(3, -1)[:, 0].copy()
+
+    def _closest(self, batch: Batch, origins: Columns, count: int) -> None:
+        super()._closest(batch, origins, count)
+        o = origins.data[origins.start + origins.axis * np.arange(3)]
+        self.sent.append(_Met(o, self.first(batch.d), *(column[0] for column in batch.hits)))
+
+    def _light(self, number: int) -> None:
+        before = self.first(self.radiance)
+        super()._light(number)
+        ray, added = self.shadows, self.first(self.radiance) - before
+        o, d = self.first(ray.o), self.first(ray.d)
+        self.lit.append(_Lit(o, d, bool(ray.tmax[0] > 0), bool(ray.occluded[0]), float(ray.irradiance[0]), added))
+
+
+def follow(subject: Subject, pixel: tuple[int, int], sample: int) -> Steps:
+    """Follow a sample of a pixel, with the numbers that ``render`` computes for it."""
+    stage, settings = subject.stage, subject.settings
+    sampler = make_sampler(settings.sampler, settings.seed, settings.spp)
+    recorder = _Recorder(stage, subject.view, sampler, PACKET)
+    x, y = (np.full(PACKET, number, np.uint32) for number in pixel)
+    recorder.add_samples(x, y, sample, sample + 1, np.zeros((12, PACKET)), 0)
+    onward = [ray.d for ray in recorder.sent[1:]] + [None]
+    path = tuple(_step(subject, ray, way) for ray, way in zip(recorder.sent, onward, strict=True))
+    landed = "lands" in path[-1].event
+    shadows = tuple(_shadow(subject, number, ray) for number, ray in enumerate(recorder.lit)) if landed else ()
+    return Steps(path, shadows, recorder.first(recorder.radiance))
+
+
+def _step(subject: Subject, ray: _Met, onward: NDArray[np.floating] | None) -> Step:
+    """Say what a ray met, and how it went on."""
+    o, d, t, prim_id, u, v = ray
+    nothing = np.full(3, np.nan)
+    if prim_id < 0:
+        return Step(o, d, np.inf, -1, nothing, nothing, nothing, "", "leaves the scene", None, *3 * [np.nan])
+    scene, triangle = subject.scene, subject.stage.bvh.triangles[prim_id]
+    p, ng = triangle[:3] + (u * (triangle[3:6] - triangle[:3]) + v * (triangle[6:9] - triangle[:3])), triangle[9:]
+    ns = ng
+    if scene.mesh.normals is not None:
+        ns = np.array([1 - u - v, u, v]) @ scene.mesh.normals[prim_id]
+        ns = ns / np.linalg.norm(ns)
+    front = d @ ng < 0
+    side = 1 if front else -1
+    row = scene.mesh.material_id[prim_id]
+    eta = np.nan
+    if scene.materials.kind[row] == REFRACTIVE:
+        eta = scene.materials.ior[row] if front else 1 / scene.materials.ior[row]
+        event = _passage(bool(front), onward, side * ng)
+    else:
+        event = "lands" if front or scene.materials.two_sided[row] else "meets the back: black"
+    out = np.nan if onward is None else _degrees(abs(onward @ ns))
+    name = printable(scene.materials.name[row])
+    angle = _degrees(-d @ ns * side)
+    return Step(o, d, float(t), int(prim_id), p, side * ng, side * ns, name, event, onward, float(eta), angle, out)
+
+
+def _passage(front: bool, onward: NDArray[np.floating] | None, ng: NDArray[np.floating]) -> str:
+    if onward is None:
+        return "stops: max_depth"
+    if onward @ ng > 0:
+        return "is reflected totally"
+    return "enters" if front else "leaves"
+
+
+def _degrees(cosine: float) -> float:
+    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+
+
+def _shadow(subject: Subject, number: int, ray: _Lit) -> ShadowRay:
+    """Say what became of the shadow ray to a light; where it was stopped, the nearest triangle did it, for the eye."""
+    arriving = ray.irradiance * subject.stage.light_flux[number]
+    if not ray.sent:
+        return ShadowRay(number, ray.o, ray.d, "faces away", np.nan, 0 * arriving, ray.added)
+    if not ray.occluded:
+        return ShadowRay(number, ray.o, ray.d, "reaches", 1.0, arriving, ray.added)
+    blocker = subject.stage.shadow_bvhs[number].closest_hit(ray.o[None], ray.d[None], tmax=1.0)
+    return ShadowRay(number, ray.o, ray.d, "blocked", float(blocker.t[0]), 0 * arriving, ray.added)
