@@ -1,6 +1,7 @@
 """The rules of the house, as tests. An exception is a row in a table here, with its reason."""
 
 import ast
+import importlib
 import inspect
 import re
 import subprocess
@@ -36,14 +37,20 @@ NUMBA = (  # the compiler, and the type that it is taught
 
 DRAWN_IN_TURN = ("textbook/camera.py",)  # as books do; every other random number has an address
 
-# folder -> the folders of the package that it may not import, so that data flows one way
+# package -> the packages that it may not import, so that data flows one way
 LAYERS = {
-    "scene": ("accel", "passes", "render", "reporting", "show", "golden", "cli"),
-    "accel": ("scene", "passes", "render", "image", "reporting", "show", "golden", "cli"),
-    "passes": ("scene", "render", "image", "reporting", "show", "golden", "cli"),
-    "native": ("scene", "passes", "render", "image", "reporting", "show", "golden", "cli"),
-    "reporting": ("show", "golden", "cli"),
-    "show": ("golden", "cli"),
+    "textbook": ("accel", "passes", "native", "image", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
+    "scene": ("textbook", "accel", "passes", "image", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
+    "native": ("textbook", "scene", "passes", "image", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
+    "accel": ("textbook", "scene", "passes", "image", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
+    "passes": ("textbook", "scene", "image", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
+    "image": ("textbook", "scene", "accel", "passes", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
+    "hardcases": ("textbook", "scene", "image", "rendering", "reporting", "show", "golden", "cli"),
+    "golden": ("textbook", "scene", "accel", "passes", "rendering", "hardcases", "reporting", "show", "cli"),
+    "rendering": ("textbook", "hardcases", "reporting", "show", "golden", "cli"),
+    "reporting": ("textbook", "show", "golden", "cli"),
+    "show": ("textbook", "golden", "cli"),
+    "cli": ("textbook", "golden"),
 }
 
 
@@ -98,6 +105,40 @@ def test_data_flows_one_way(name):
     forbidden = [f"raytrace.{other}" for other in LAYERS[name.split("/")[0]]]
     found = [used for used in imports(TREES[name]) if any(within(used, package) for package in forbidden)]
     assert not found, f"{name} imports what comes after it"
+
+
+def test_every_package_has_a_layer():
+    packages = {name.split("/")[0] for name in FILES if "/" in name}
+    assert packages == LAYERS.keys()
+    assert {other for others in LAYERS.values() for other in others} <= packages
+
+
+def module_imports(name: str) -> set[str]:
+    """Modules of the package that a file imports at its top level, as paths of files."""
+    found = set()
+    for node in TREES[name].body:
+        for used in imports(node) if isinstance(node, ast.Import | ast.ImportFrom) else ():
+            parts = used.split(".")[1:]
+            for n in range(len(parts), 0, -1):
+                if f"{'/'.join(parts[:n])}.py" in FILES:
+                    found.add(f"{'/'.join(parts[:n])}.py")
+                    break
+    return found
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    below: dict[str, set[str]] = {name: module_imports(name) for name in FILES}
+    left = set(FILES)
+    while leaves := {name for name in left if not below[name] & left}:
+        left -= leaves
+    assert not left, "these import each other, directly or by way of others"
+
+
+@pytest.mark.parametrize("package", sorted({name.split("/")[0] for name in FILES if "/" in name}))
+def test_no_module_has_the_name_of_a_public_function(package):
+    """An imported submodule becomes an attribute of its package, and would hide the function."""
+    public = set(getattr(importlib.import_module(f"raytrace.{package}"), "__all__", ()))
+    assert not public & {Path(name).stem for name in FILES if name.startswith(f"{package}/")}
 
 
 @pytest.mark.parametrize("name", [name for name in FILES if name not in NUMBA])

@@ -5,8 +5,7 @@ import os
 
 import pytest
 
-from raytrace import cores
-from raytrace.cli import doctor
+from raytrace import cores, doctor
 from raytrace.parallel import thread_count
 
 pytestmark = pytest.mark.nojit

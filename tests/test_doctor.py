@@ -4,7 +4,7 @@ import sys
 import pytest
 
 import raytrace
-from raytrace.cli import doctor
+from raytrace import doctor
 
 
 def test_versions_processor_and_cache_are_named():

@@ -3,7 +3,7 @@ import os
 import pytest
 
 from raytrace.errors import FileError
-from raytrace.reporting.folder import check_folder, write
+from raytrace.output_folder import check_folder, write
 
 
 def test_a_folder_is_made_with_those_above_it(tmp_path):

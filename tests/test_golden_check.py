@@ -27,7 +27,7 @@ def check(place, picture, name="box", **more):
     return Golden(place, {}, update=False).check(picture, name, **more)
 
 
-def files(folder):
+def names_in(folder):
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
 
 
@@ -38,20 +38,20 @@ def test_a_missing_golden_fails_says_how_to_write_it_and_shows_the_picture(place
         "golden 'box': there is no tests/golden/box.npz: look at the picture, then write it: "
         "pytest --update-goldens tests/test_a.py::test_a; see left/tests/golden/box.html"
     )
-    assert files(place.root) == ["left/tests/golden/box.actual.npz", "left/tests/golden/box.html"]
+    assert names_in(place.root) == ["left/tests/golden/box.actual.npz", "left/tests/golden/box.html"]
 
 
 def test_update_writes_what_then_passes(place):
     assert write(place, scene())
-    assert files(place.root) == ["tests/golden/box.npz", "tests/golden/box.png"]
+    assert names_in(place.root) == ["tests/golden/box.npz", "tests/golden/box.png"]
     assert (files.load(place.folder / "box.npz").rgb == scene()).all()
     assert check(place, scene())
-    assert files(place.root) == ["tests/golden/box.npz", "tests/golden/box.png"]
+    assert names_in(place.root) == ["tests/golden/box.npz", "tests/golden/box.png"]
 
 
 def test_a_name_may_have_folders(place):
     write(place, scene(), "shapes/round/box")
-    assert files(place.folder) == ["shapes/round/box.npz", "shapes/round/box.png"]
+    assert names_in(place.folder) == ["shapes/round/box.npz", "shapes/round/box.png"]
     with pytest.raises(AssertionError, match=r"see left/tests/golden/shapes/round/box\.html"):
         check(place, 2 * scene(), "shapes/round/box")
 
@@ -60,13 +60,13 @@ def test_a_name_may_have_folders(place):
 def test_a_name_that_leads_elsewhere_is_refused(place, name):
     with pytest.raises(ValueError, match="expected a name like 'box'"):
         write(place, scene(), name)
-    assert files(place.root) == []
+    assert names_in(place.root) == []
 
 
 def test_update_refuses_a_picture_that_is_not_finite(place):
     with pytest.raises(AssertionError, match="finite"):
         write(place, DEFECTS["a NaN"])
-    assert files(place.root) == []
+    assert names_in(place.root) == []
 
 
 @pytest.mark.parametrize("name", ["a firefly", "a NaN", "blue 1 % darker"])
@@ -103,7 +103,7 @@ def test_a_failure_leaves_a_page_and_tells_its_numbers_in_one_line(place, name):
     assert (place.folder / "box.npz").read_bytes() == before  # only --update-goldens writes a golden
 
     check(place, scene())
-    assert files(place.root / "left") == []  # nothing stale beside a pass
+    assert names_in(place.root / "left") == []  # nothing stale beside a pass
 
 
 def test_another_size_is_told(place):
@@ -168,7 +168,7 @@ def test_a_function_of_a_seed_is_tested_against_the_noise_of_others(place):
 def test_a_variance_needs_two_pictures(place):
     with pytest.raises(ValueError, match="pictures: expected 2 or more"):
         write(place, noisy, pictures=1)
-    assert files(place.root) == []
+    assert names_in(place.root) == []
 
 
 @pytest.mark.parametrize("noise", [False, True])

@@ -22,7 +22,7 @@ from raytrace.hardcases.table import (
     totals_table,
     write,
 )
-from raytrace.reporting.folder import check_folder
+from raytrace.output_folder import check_folder
 
 NAN = float("nan")
 

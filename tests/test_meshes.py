@@ -290,7 +290,7 @@ def test_concatenation_keeps_corners_without_normals_apart():
     assert joined.faces.tolist() == [[0, 1, 2], [3, 4, 5], [6, 7, 8]]
 
 
-def cube(tmp_path, normals: str = "flat", **entry) -> "meshes.RawMesh":
+def cube(tmp_path, normals: str = "flat", **entry) -> RawMesh:
     objects = [{"mesh": "cube.obj", "material": "white", "normals": normals, **entry}]
     return load(write(tmp_path, scene(objects=objects))).mesh
 

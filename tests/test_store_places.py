@@ -13,8 +13,7 @@ from pathlib import Path
 import platformdirs
 import pytest
 
-from raytrace import jit
-from raytrace.cli import doctor
+from raytrace import doctor, jit
 from raytrace.errors import FileError
 from raytrace.native import location, private_files, store
 from raytrace.native.link import Code

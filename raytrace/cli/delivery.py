@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from raytrace.cli.terminal import Event, speed
 from raytrace.errors import FileError
 from raytrace.rendering.checkpoint import SUFFIX, Checkpoint
+from raytrace.rendering.progress import Progress, speed
 from raytrace.rendering.result import Render, state_of
 
 if TYPE_CHECKING:
@@ -81,13 +81,13 @@ def nothing(image: Render) -> str:
     return f"{state_of(image)}; nothing was saved{_kept(image, '; --resume goes on from {}')}"
 
 
-def remarks(image: Render, last: Event | None, seconds: float, target: float | None) -> Iterator[str]:
+def remarks(image: Render, last: Progress | None, seconds: float, target: float | None) -> Iterator[str]:
     """What is worth saying of a picture.
 
     Parameters
     ----------
     image : Render
-    last : Event or None
+    last : Progress or None
         The newest of its drawing.
     seconds : float
         That it took.

@@ -122,7 +122,7 @@ def _compare(args: Namespace) -> int:
 
 def _hard_cases(folder: Path) -> int:
     from raytrace.hardcases import suite, table
-    from raytrace.reporting.folder import check_folder
+    from raytrace.output_folder import check_folder
 
     check_folder(folder)
     tell = (lambda name, k, n: streams.say(f"{k + 1}/{n} {name}")) if at_terminal() else None
@@ -171,7 +171,7 @@ def _warmup(_args: Namespace) -> int:
 
 
 def _doctor(_args: Namespace) -> int:
-    from raytrace.cli.doctor import findings
+    from raytrace.doctor import findings
 
     for name, value in findings():
         streams.out(f"{name:<14}{value}")

@@ -8,9 +8,10 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
-from typing import Any, NoReturn, Protocol, Self
+from typing import Any, NoReturn, Self
 
 from raytrace.files import unfinished
+from raytrace.rendering.progress import Progress, speed
 
 BAR_AFTER = 0.5  # s: a picture that is done sooner needs no bar, nor the import of one
 ECHO = 0.05  # seconds: sooner nobody presses Ctrl-C again
@@ -19,38 +20,9 @@ ENDING = "SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"  # signals that ask a process
 SHOW_CURSOR = b"\x1b[?25h"  # the bar hides it   [ECMA-48 private mode 25]
 
 
-class Event(Protocol):
-    """One message from a running render; the ``Progress`` record of `raytrace.rendering.rendering` is one."""
-
-    @property
-    def stage(self) -> str:
-        """What is going on: "compiling", "building" or "rendering"."""
-
-    @property
-    def done(self) -> int:
-        """Finished parts."""
-
-    @property
-    def total(self) -> int:
-        """All parts."""
-
-    @property
-    def rays(self) -> int:
-        """Rays traced so far, of all kinds."""
-
-    @property
-    def seconds(self) -> float:
-        """Seconds since the stage began."""
-
-
 def at_terminal() -> bool:
     """Whether messages reach a person at a terminal that can redraw a line."""
     return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
-
-
-def speed(event: Event) -> str:
-    """Rays per second, for people."""
-    return f"{event.rays / max(event.seconds, 1e-9) / 1e6:.1f} M rays/s"
 
 
 class Reporter:
@@ -65,7 +37,7 @@ class Reporter:
     """
 
     def __init__(self, say: Callable[[str], None], *, bar: bool) -> None:
-        self.last: Event | None = None  # the newest event of the rendering stage
+        self.last: Progress | None = None  # the newest event of the rendering stage
         self._say = say
         self._wants_bar = bar
         self._compiling = False
@@ -73,7 +45,7 @@ class Reporter:
         self._shown = ""  # the stage that it shows
         self._task: Any = None  # of it
 
-    def __call__(self, event: Event) -> None:
+    def __call__(self, event: Progress) -> None:
         """Take in one event."""
         if event.stage == "compiling" and not self._compiling:
             self._compiling = True
@@ -94,13 +66,13 @@ class Reporter:
                 self._bar.stop()
             self._bar = None
 
-    def _draw(self, event: Event) -> None:
+    def _draw(self, event: Progress) -> None:
         try:
             self._update(event)
         except OSError:  # the terminal is closed
             self._wants_bar, self._bar = False, None
 
-    def _update(self, event: Event) -> None:
+    def _update(self, event: Progress) -> None:
         if self._bar is None:
             self._bar = _bar()
             self._bar.start()

@@ -14,7 +14,7 @@ from raytrace.golden.noise import mean_of
 from raytrace.golden.page import Failure, page
 from raytrace.golden.pixels import Encoding, to_light
 from raytrace.image.files import save
-from raytrace.reporting.folder import check_folder, write
+from raytrace.output_folder import check_folder, write
 
 LEFT = ".html", ".actual.npz"  # what a failure leaves
 __tracebackhide__ = True  # pytest shows the line of the test, and not how it was found wanting

@@ -9,7 +9,7 @@ from typing import Any
 import raytrace
 from raytrace.hardcases.judge import BACKWARD
 from raytrace.hardcases.suite import Outcome, Score
-from raytrace.reporting.folder import write as write_files
+from raytrace.output_folder import write as write_files
 
 SCHEMA = "raytrace.hard-cases/1"  # of the JSON file; another number where a field changes its meaning or leaves
 LEGEND = """\

@@ -58,7 +58,7 @@ def build() -> str:
 @cache
 def sources() -> str:
     """A hash of this package as it is installed: two versions of one number differ while they are worked on."""
-    digest, package = sha256(), Path(__file__).parent
+    digest, package = sha256(), Path(__file__).parents[1]
     for path in sorted(package.rglob("*.py")):
         digest.update(path.relative_to(package).as_posix().encode() + b"\n" + path.read_bytes())
     return digest.hexdigest()[:16]

@@ -8,11 +8,10 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from raytrace.cli.terminal import speed
 from raytrace.errors import OptionError
 from raytrace.image import png
 from raytrace.rendering.preview import Preview
-from raytrace.rendering.progress import Progress, ProgressListener
+from raytrace.rendering.progress import Progress, ProgressListener, speed
 
 FIRST = 0.5  # s: a picture that is done sooner needs no preview
 PAUSE = 0.25  # s between two looks, at least

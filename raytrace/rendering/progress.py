@@ -1,46 +1,58 @@
-"""How far a render is, and who is told."""
+"""Progress of a render, and the objects that receive it. NumPy is not imported: the command line starts without it."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
-from raytrace.records import Window
+    from raytrace.records import Window
 
 
 class Progress(NamedTuple):
     """One message of a running render."""
 
     stage: str  # "compiling", "building" or "rendering"
-    done: int  # finished parts
-    total: int  # all parts
+    done: int  # finished work items
+    total: int  # all work items
     rays: int  # traced so far, of all kinds
     seconds: float  # since the stage began
 
 
+def speed(progress: Progress) -> str:
+    """Rays per second, as text.
+
+    Examples
+    --------
+    >>> speed(Progress("rendering", 1, 2, rays=3_000_000, seconds=2.0))
+    '1.5 M rays/s'
+    """
+    return f"{progress.rays / max(progress.seconds, 1e-9) / 1e6:.1f} M rays/s"
+
+
 class ProgressListener:
-    """Whoever is told of a render; this one is told how far it is, and does not look at the picture.
+    """Receives the progress of a render; this class reports it, and does not look at the image.
 
     Parameters
     ----------
-    tell : callable
+    report : callable
         Is called, in the thread of the render's caller, with each Progress.
     """
 
-    def __init__(self, tell: Callable[[Progress], None]) -> None:
-        self._tell = tell
+    def __init__(self, report: Callable[[Progress], None]) -> None:
+        self._report = report
 
     def __call__(self, progress: Progress) -> None:
-        """Hear how far it is."""
-        self._tell(progress)
+        """Receive a progress update."""
+        self._report(progress)
 
     def early(self, samples: int) -> bool:
-        """Whether the whole picture is wanted early and then ever better, if it takes so many samples."""
+        """Whether the whole image is needed early, and then ever better, if it takes so many samples."""
         return False
 
-    def begin(self, samples: NDArray[np.int32], at: NDArray[np.int64], window: Window) -> None:
-        """Hear that the film begins.
+    def begin(self, samples: "NDArray[np.int32]", at: "NDArray[np.int64]", window: "Window") -> None:
+        """Receive the film before it is rendered.
 
         Parameters
         ----------
@@ -51,8 +63,8 @@ class ProgressListener:
         window : Window
         """
 
-    def show(self, pixels: slice | NDArray[np.int64], shown: NDArray[np.float64]) -> None:
-        """See means of pixels of the film as shown, (3, m), and more; in the thread that drew them."""
+    def show(self, pixels: "slice | NDArray[np.int64]", shown: "NDArray[np.float64]") -> None:
+        """Receive means of pixels of the film as shown, (3, m) and more; in the thread that rendered them."""
 
     def end(self, state: str) -> None:
-        """Hear that the picture is done, or with how many samples it was ended: "" if it is complete."""
+        """Receive the end: "" for a complete image, else with how many samples it was stopped."""

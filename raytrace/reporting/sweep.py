@@ -11,6 +11,7 @@ from typing import Any
 import raytrace
 from raytrace.errors import OptionError, printable
 from raytrace.image.files import srgb8
+from raytrace.output_folder import check_folder, write
 from raytrace.parallel import thread_count
 from raytrace.records import Scene
 from raytrace.rendering.options import override
@@ -18,7 +19,6 @@ from raytrace.rendering.progress import Progress
 from raytrace.reporting.advice import advice
 from raytrace.reporting.analysis import Order, orders_of, pareto
 from raytrace.reporting.configurations import ways_of
-from raytrace.reporting.folder import check_folder, write
 from raytrace.reporting.measure import First, Measured, Point, Shown, Sweep
 from raytrace.reporting.page import page
 from raytrace.reporting.plots import check_matplotlib, plots
@@ -245,7 +245,7 @@ def _about_reference(truth: Reference, points: Sequence[Point]) -> dict[str, Any
 
 
 def _machine() -> dict[str, Any]:
-    from raytrace.cli.doctor import findings
+    from raytrace.doctor import findings
 
     facts = dict(findings())
     return {name: facts[name] for name in MACHINE} | {"threads": thread_count(None)}

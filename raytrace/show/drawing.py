@@ -9,7 +9,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from raytrace.errors import FileError, RaytraceError, printable
-from raytrace.reporting.folder import check_folder, write
+from raytrace.output_folder import check_folder, write
 from raytrace.reporting.plots import without_glyphs
 
 DPI = 160  # dots per inch of a PNG

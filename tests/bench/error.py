@@ -17,11 +17,11 @@ from peer_pictures import peer_picture
 from peers import Mitsuba, available
 
 import raytrace as rt
+from raytrace.output_folder import check_folder
 from raytrace.records import Scene
 from raytrace.reporting import measure
 from raytrace.reporting.analysis import needed
 from raytrace.reporting.configurations import SPP, Configuration, Subject, steps_of
-from raytrace.reporting.folder import check_folder
 from raytrace.reporting.measure import Point, Sweep
 from raytrace.reporting.reference import make_reference
 from raytrace.reporting.sweep import written
