@@ -175,7 +175,7 @@ def test_a_profile_of_a_picture_of_pillow_is_looked_at():
     picture.info["icc_profile"] = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
     np.testing.assert_array_equal(to_light(picture), to_light(CODES))
     picture.info["icc_profile"] = b"hello"
-    with pytest.raises(ValueError, match="profile can't be read"):
+    with pytest.raises(ValueError, match="profile can't be applied"):
         to_light(picture)
 
 

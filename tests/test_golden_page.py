@@ -6,6 +6,7 @@ import shutil
 import subprocess
 from base64 import b64decode
 from io import BytesIO
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ def golden_light(height=96, width=128):
 
 def written(actual, golden, stderr=None, name="box"):
     approved = Approved(golden, stderr, 1 if stderr is None else 8)
-    place = Place(*map(__import__("pathlib").Path, ("/g", "/", "/f", "/")), "tests/test_a.py::test_a")
+    place = Place(Path("/g"), Path("/"), Path("/f"), Path("/"), "tests/test_a.py::test_a")
     verdict = judge(actual, approved, Gates())
     text = page(Failure(name, place, "; ".join(verdict.broken), actual, approved, verdict))
     reader = Reader()
@@ -161,8 +162,7 @@ def test_spots_grow_within_the_image():
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs a Chromium")
-@pytest.mark.parametrize("width", [320, 390, 1280])
-@pytest.mark.parametrize("size", [(96, 128), (480, 640), (16, 16), (30, 1500)])
+@pytest.mark.parametrize(("width", "size"), [(390, (96, 128)), (390, (480, 640)), (320, (16, 16)), (1280, (30, 1500))])
 def test_the_page_fits_the_screen(tmp_path, width, size):
     golden = golden_light(*size)
     actual = golden.copy()

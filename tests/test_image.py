@@ -113,6 +113,15 @@ def test_a_picture_alone_comes_back_alone(tmp_path, name):
     assert (back.stderr, back.aov, back.provenance) == (None, {}, {})
 
 
+@pytest.mark.parametrize("name", ["a.exr", "a.npz", "a.png"])
+def test_what_is_read_may_be_written_to(tmp_path, name):
+    rgb, rest = picture()
+    back = image.load(image.save(tmp_path / name, rgb, **rest))
+    for array in (back.rgb, *back.aov.values()):
+        array *= 2
+    assert (image.load(tmp_path / name).rgb * 2 == back.rgb).all()
+
+
 @pytest.mark.parametrize("exposure", [0.0, -2.5])
 def test_a_png_gives_the_light_of_its_codes_back(tmp_path, exposure):
     rgb, rest = picture()

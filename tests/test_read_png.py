@@ -151,8 +151,8 @@ OTHER_COLOURS = {
     "cut primaries": ((b"cHRM", b"\0" * 5), "not a whole PNG image: "),
     "code points": ((b"cICP", bytes([9, 16, 0, 1])), "its colours are not sRGB's (cICP)"),
     "profile": ((b"iCCP", wide_gamut()), "its colour profile is not that of sRGB"),
-    "broken profile": ((b"iCCP", b"icc\0\0" + zlib.compress(b"hello")), "its colour profile can't be read"),
-    "profile of Lab": ((b"iCCP", profile("LAB")), "its colour profile can't be read"),
+    "broken profile": ((b"iCCP", b"icc\0\0" + zlib.compress(b"hello")), "its colour profile can't be applied"),
+    "profile of Lab": ((b"iCCP", profile("LAB")), "its colour profile can't be applied"),
 }
 
 

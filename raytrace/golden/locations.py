@@ -66,9 +66,9 @@ def _file_name(name: str) -> str:
     >>> _file_name("test_word[\\xe9-1:2]")
     'test_word[%5Cxe9-1%3A2]'
     """
-    parts = Path(name).parts
-    if not parts or Path(name).is_absolute() or ".." in parts:
-        raise ValueError(f"name: expected a name like 'box' or 'shapes/box', got {name!r}")
+    if not {"", ".", ".."}.isdisjoint(name.split("/")):  # they lead elsewhere, or to the file of another name
+        text = "expected a name like 'box' or 'shapes/box', whose parts are neither empty nor '.' or '..'"
+        raise ValueError(f"name: {text}; got {name!r}")
     written = FORBIDDEN.sub(lambda found: f"%{ord(found[0]):02X}", name)
     if any(len(os.fsencode(part)) > MAX_NAME for part in written.split("/")):
         raise ValueError(f"name: longer than a file's name may be ({MAX_NAME} bytes): {shortened(name)!r}")

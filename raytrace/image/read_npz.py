@@ -45,7 +45,7 @@ def _array(file: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
         content = stream.read()  # to the end: the checksum is looked at there
     if len(content) < size:
         raise ValueError(f"{member.filename} is cut short")
-    flat = np.frombuffer(content[:size], dtype)
+    flat = np.frombuffer(content, dtype, math.prod(shape)).copy() if size else np.zeros(math.prod(shape), dtype)
     return flat.reshape(shape[::-1]).transpose() if fortran else flat.reshape(shape)
 
 

@@ -193,8 +193,8 @@ def check_profile(picture: Any) -> None:
             renderingIntent=ImageCms.Intent.RELATIVE_COLORIMETRIC,
             outputMode="RGB",
         )
-    except (KeyError, OSError, ValueError, ImageCms.PyCMSError):
-        raise RefusedError("its colour profile can't be read; convert it to sRGB") from None
+    except (KeyError, OSError, ValueError, ImportError, ImageCms.PyCMSError):
+        raise RefusedError("its colour profile can't be applied; convert it to sRGB") from None
     off = np.abs(np.asarray(shown).astype(int) - np.asarray(given.convert("RGB")).astype(int)).max()
     if off > CODES:
         raise RefusedError("its colour profile is not that of sRGB; convert it to sRGB")
