@@ -1,6 +1,7 @@
 """Kernels where a private part of Numba or llvmlite is missing, or the process lacks what machine code calls."""
 
 import os
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -185,6 +186,17 @@ def object_file(triple):
 @pytest.mark.parametrize("triple", PROBED)
 def test_names_that_an_object_leaves_open_are_found_in_each_format(triple):
     assert {"elsewhere", "fmaf"} | PROBED[triple] == set(symbols.undefined(object_file(triple)))
+
+
+def test_functions_that_llvm_does_not_see_are_looked_for_in_the_systems_libraries(monkeypatch):
+    monkeypatch.setattr(symbols.ctypes, "pythonapi", None)
+    monkeypatch.setattr(symbols.llvm, "address_of_symbol", lambda name: None)
+    monkeypatch.setattr(symbols.llvm, "add_symbol", lambda name, address: None)
+    assert not symbols._found("no_such_function")
+    if sys.platform == "linux":
+        if platform.libc_ver()[0] != "glibc":
+            pytest.skip("needs glibc")
+        assert symbols._found("fmaf")
 
 
 def test_what_is_no_object_is_refused_in_words():

@@ -79,6 +79,17 @@ def test_where_no_process_can_be_started_none_is(folder, monkeypatch, executable
     assert len(workers.missing(calls("f4"))) == 3
 
 
+def test_they_keep_kernels_where_this_process_looks_even_after_it_changed_its_folder(folder, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("RAYTRACE_CACHE", "relative")
+    store.cache_folder.cache_clear()
+    here = store.cache_folder()
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    workers.compile_all(workers.missing(calls("f4")))
+    assert len(list(here.glob(f"*{store.SUFFIX}"))) == 3
+
+
 def test_what_they_could_not_keep_comes_back_and_is_not_compiled_twice(folder, monkeypatch, caplog):
     full = "import raytrace.native.store as s, errno; p = s.private_files; p.write = lambda *_: (_ for _ in ()).throw("
     full += "OSError(errno.ENOSPC, 'No space left on device')); "

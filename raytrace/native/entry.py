@@ -180,7 +180,7 @@ class Entry:
 
 def numbers_of(dtype: str) -> list[int]:
     """NumPy's numbers of a type: two C types can be alike (intc and long on Windows, long and longlong on Linux)."""
-    return sorted({np.dtype(letter).num for letter in "?bhilqBHILQfd" if np.dtype(letter).name == dtype})
+    return sorted({np.dtype(letter).num for letter in "?bhilqBHILQefdg" if np.dtype(letter).name == dtype})
 
 
 def numba_type(kind: Kind) -> types.Type:

@@ -1,6 +1,5 @@
 """The sources of kernels, wherever the package was installed: in a folder, in a zip file, or in a frozen program."""
 
-import pkgutil
 import sys
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -28,6 +27,8 @@ def read(package: Path) -> Iterator[tuple[str, bytes]]:
 
 
 def _from_loaders() -> Iterator[tuple[str, bytes]]:
+    import pkgutil  # not needed where there is a folder
+
     names = [f"raytrace.{name}" for name in MODULES]
     for folder in (f"raytrace.{name}" for name in FOLDERS):
         spec = find_spec(folder)

@@ -4,15 +4,20 @@ The tables of symbols of object files are read here, in the two formats that LLV
 Numba asks for on Windows too, and Mach-O on macOS   [System V ABI, chapter 4; mach-o/nlist.h].
 """
 
+import contextlib
 import ctypes
 import struct
+import sys
 from collections.abc import Iterable, Iterator
+from functools import cache
+from typing import Any
 
 import llvmlite.binding as llvm
 
 ELF, MACH_O = b"\x7fELF\x02\x01", b"\xcf\xfa\xed\xfe"  # 64 bits, little endian
 SYMBOL_TABLE, MACH_O_TABLE = 2, 2  # type of a section, of a load command
 TYPE, DEBUG = 0x0E, 0xE0  # bits of the type of a Mach-O symbol
+LIBRARIES = {"win32": ("ntdll", "ucrtbase"), "linux": ("libm.so.6",)}  # where LLVM may not look
 _lacking: set[str] = set()  # names that LLVM was given a stand-in for
 
 
@@ -78,8 +83,21 @@ def stand_in(names: Iterable[str]) -> None:
 def _found(name: str) -> bool:
     if name in _lacking:
         return False
-    function = getattr(ctypes.pythonapi, name, None)
+    if _added(ctypes.pythonapi, name) or llvm.address_of_symbol(name) is not None:
+        return True
+    return any(_added(_library(library), name) for library in LIBRARIES.get(sys.platform, ()))
+
+
+def _added(library: Any, name: str) -> bool:
+    """Make a function of a library known to LLVM, if the library has it."""
+    function = getattr(library, name, None)
     if function is not None:
         llvm.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
-        return True
-    return llvm.address_of_symbol(name) is not None
+    return function is not None
+
+
+@cache
+def _library(name: str) -> Any:
+    with contextlib.suppress(OSError):
+        return ctypes.CDLL(name)
+    return None

@@ -99,6 +99,7 @@ def _start() -> "subprocess.Popen[bytes]":
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
+        env=os.environ | {"RAYTRACE_CACHE": str(store.cache_folder().parent)},  # the current folder may have changed
         creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
     )
 
