@@ -84,7 +84,7 @@ def _place_all(scene: Any, reach: Reach) -> tuple[list[Placed], list[Problem]]:
     placed, problems = list[Placed](), list[Problem]()
     allowance, joining = Allowance(reach.max_memory), Joining()
     for i, entry in enumerate(scene.objects):
-        if len(problems) > MOST:
+        if len(problems) > MOST:  # no more are reported, and each takes a look into a folder
             break
         try:
             if entry.mesh not in read:

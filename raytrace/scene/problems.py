@@ -2,8 +2,7 @@
 
 import difflib
 import json
-import os
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable
 from itertools import islice
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
@@ -118,9 +117,4 @@ def no_such_file(path: FilePath) -> str:
     """Word a file that is not there, with the name nearest to it in the same folder."""
     if not path.parent.is_dir():
         return printable(f"{path}: no such file; there is no folder {path.parent}")
-    return printable(f"{path}: no such file{_hint(path.name, _names(path.parent))}")
-
-
-def _names(folder: FilePath) -> Iterator[str]:
-    with os.scandir(folder) as entries:
-        yield from (entry.name for entry in islice(entries, SEARCHED))
+    return printable(f"{path}: no such file{_hint(path.name, [entry.name for entry in path.parent.iterdir()])}")
