@@ -185,6 +185,12 @@ def test_words_of_the_command_line_are_escaped(tmp_path, monkeypatch, capsys, wo
         assert len(err.splitlines()) == 1 or "box.json" in err
 
 
+def test_a_message_about_a_long_word_is_short(capsys):
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(["box.json", "--spp", "9" * 100_000])
+    assert len(capsys.readouterr().err.splitlines()[-1]) < 1100
+
+
 def test_texts_of_a_scene_are_escaped(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "meshes").symlink_to(SCENES / "meshes")

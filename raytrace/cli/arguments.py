@@ -7,9 +7,12 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NoReturn
 
+raytrace/cli/arguments.py
 from raytrace.cli import streams
-from raytrace.errors import printable
+from raytrace.errors import printable, shortened
 from raytrace.limits import LAYERS
+
+LONGEST = 1000  # characters of a message about an argument
 
 
 class Parser(ArgumentParser):
@@ -24,7 +27,7 @@ class Parser(ArgumentParser):
         """Say what is wrong, and leave with exit code 2."""
         with contextlib.suppress(OSError):  # nobody reads it
             self.print_usage(sys.stderr)
-        self.exit(2, f"{self.prog}: error: {printable(message)}")
+        self.exit(2, f"{self.prog}: error: {shortened(printable(message), LONGEST)}")
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
         """Leave; what was printed, as the help, is written first."""

@@ -101,7 +101,7 @@ def _validate(data: dict[str, Any]) -> tuple[Any, list[Problem]]:
 def _missing_meshes(data: dict[str, Any], reach: Reach, given: Mapping[str, Any]) -> list[Problem]:
     """Look whether the mesh files are there, for a scene that has other problems."""
     objects = data.get("objects")
-    problems: list[Problem] = []
+    problems = list[Problem]()
     located: set[str] = set()
     for i, entry in enumerate(objects if isinstance(objects, list) else []):
         if len(problems) > MOST:

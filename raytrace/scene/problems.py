@@ -2,8 +2,7 @@
 
 import difflib
 import json
-import os
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable
 from itertools import islice
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
