@@ -1,4 +1,4 @@
-"""Tests that use time, signals, processes, threads or locks, which a busy machine may disturb: they are marked ``busy``.
+"""Tests that use time, signals, processes, threads or locks, which a busy machine may disturb, are marked ``busy``.
 
 A test is busy if its code has one of the words below, or uses a function, class or fixture of its file, or of a module
 beside it, whose code has one. ``pytest -m busy`` runs these tests, and ``pytest -m busy --collect-only -q`` lists them.
