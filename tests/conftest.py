@@ -3,8 +3,16 @@ from pathlib import Path
 import pytest
 
 import raytrace
+from busy import FOLDER, busy_in
 
 
 def pytest_configure(config):
     if not Path(raytrace.__file__).is_relative_to(config.rootpath):  # pytest's own script looks for it elsewhere first
         raise pytest.UsageError(f"raytrace comes from {raytrace.__file__}: run python -m pytest")
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        function = getattr(item, "originalname", None)
+        if function and item.path.suffix == ".py" and item.path.parent == FOLDER and function in busy_in(item.path):
+            item.add_marker(pytest.mark.busy)

@@ -1,9 +1,11 @@
 """Sentences from points whose best answer is known."""
 
+import re
+
 import pytest
 
 from raytrace.reporting.advice import advice, nice_errors, useless_below
-from raytrace.reporting.analysis import fit_order, orders_of
+from raytrace.reporting.analysis import fit_order, needed, orders_of
 from raytrace.reporting.configurations import Configuration
 from synthetic_points import DOUBLE, SOBOL, STRATIFIED, curve
 
@@ -32,6 +34,28 @@ def test_the_first_sentence_names_the_quickest_way_and_what_float64_costs():
 def test_a_quicker_sampler_wins_where_it_gets_there():
     points = curve(SOBOL, lambda n: 0.1 / n, 1.0) + curve(STRATIFIED, lambda n: 0.1 / n, 0.5)
     assert all("stratified" in line for line in sentences(points)[:3])
+
+
+def test_no_point_that_was_measured_beats_the_advice():
+    """Times are noisy: here 1 sample took longer than 4 did."""
+    points = curve(SOBOL, lambda n: {1: 0.02, 4: 0.00287}.get(n, 0.001), 0.0)
+    points += curve(STRATIFIED, lambda n: {1: 0.03, 4: 0.0049}.get(n, 0.002), 0.0)
+    seconds = {(SOBOL, 1): 0.09, (SOBOL, 4): 0.0691, (STRATIFIED, 1): 0.06, (STRATIFIED, 4): 0.071}
+    points = [point._replace(times=(seconds.get((point.way, point.spp), 0.5),)) for point in points]
+    for error in (0.02, 0.01, 0.005, 0.003):
+        for way in (SOBOL, STRATIFIED):
+            mine = [point for point in points if point.way == way]
+            reached = [point.seconds for point in mine if point.rmse_srgb <= error]
+            assert needed(mine, error)[1] <= min(reached)
+    (line,) = [line for line in sentences(points) if line.startswith("For RMSE 0.005 ")]
+    assert "sobol, 4 spp" in line
+
+
+def test_an_order_that_is_uncertain_says_so():
+    points = [point for point in curve(SOBOL, lambda n: 0.1 / n, 0.01) if point.spp <= 16]
+    noisy = [point._replace(rmse_srgb=point.rmse_srgb * f) for point, f in zip(points, (1, 2, 1) * 9, strict=False)]
+    (line,) = [line for line in sentences(noisy[:3]) if line.startswith("The error shrinks")]
+    assert re.search(r"sobol as spp\^-?[\d.]+ \(95 % interval -?[\d.]+ to -?[\d.]+, from 3 points\)", line)
 
 
 def test_only_what_a_user_can_choose_is_recommended():

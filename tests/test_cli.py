@@ -69,7 +69,7 @@ def library(monkeypatch, tmp_path):
 
 
 def python(*words, **options):
-    return subprocess.run([sys.executable, *words], capture_output=True, text=True, timeout=120, **options)
+    return subprocess.run([sys.executable, *words], capture_output=True, text=True, timeout=600, **options)
 
 
 # Starting -------------------------------------------------------------------------------------------------------------
@@ -295,7 +295,7 @@ def test_a_reader_that_leaves_early_is_no_failure():
     read, write = os.pipe()
     os.close(read)
     done = subprocess.run(
-        [sys.executable, "-m", "raytrace", "schema"], stdout=write, stderr=subprocess.PIPE, text=True, timeout=120
+        [sys.executable, "-m", "raytrace", "schema"], stdout=write, stderr=subprocess.PIPE, text=True, timeout=600
     )
     os.close(write)
     assert (done.returncode, done.stderr) == (0, "")
@@ -305,7 +305,7 @@ def test_a_reader_that_leaves_early_is_no_failure():
 def test_a_full_disk_is_told_in_one_line():
     with open("/dev/full", "w") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "raytrace", "schema"], stdout=full, stderr=subprocess.PIPE, text=True, timeout=120
+            [sys.executable, "-m", "raytrace", "schema"], stdout=full, stderr=subprocess.PIPE, text=True, timeout=600
         )
     assert (done.returncode, done.stderr) == (4, "output: No space left on device\n")
 

@@ -90,7 +90,7 @@ class Machines:
 
     def wait(self, count):
         """Wait until there are so many workers."""
-        end = time.monotonic() + 120
+        end = time.monotonic() + 600
         while len(self.client.nthreads()) != count:
             assert time.monotonic() < end
             time.sleep(0.05)
@@ -288,7 +288,7 @@ def test_ctrl_c_cancels_what_is_under_way(scene, pair):
     part = rt.render(scene, client=pair.client, progress=once(3, interrupt), **ask)
     assert (part.complete, part.interrupted) == (False, True)
     assert part.aov["samples"].any()
-    end = time.monotonic() + 30
+    end = time.monotonic() + 600
     while any(pair.client.processing().values()):
         assert time.monotonic() < end
         time.sleep(0.05)
@@ -296,7 +296,7 @@ def test_ctrl_c_cancels_what_is_under_way(scene, pair):
 
 
 def test_a_time_limit_ends_it(scene, pair):
-    part = rt.render(scene, client=pair.client, size=(256, 256), spp=65536, time_limit=1.0)
+    part = rt.render(scene, client=pair.client, size=(256, 256), spp=65536, time_limit=5.0)
     assert (part.complete, part.interrupted) == (False, False)
     assert part.aov["samples"].any()
 
@@ -341,7 +341,7 @@ def test_the_command_line_draws_the_same_picture(pair, tmp_path):
     def run(*words):
         return subprocess.run(
             [sys.executable, "-m", "raytrace", str(BOX), "--size", "64x64", "--spp", "16", *words],
-            capture_output=True, text=True, timeout=120, cwd=ROOT,
+            capture_output=True, text=True, timeout=600, cwd=ROOT,
         )  # fmt: skip
 
     here, there = tmp_path / "here.npz", tmp_path / "there.npz"
@@ -361,11 +361,11 @@ def test_ctrl_c_at_the_command_line_saves_what_came_back(pair, tmp_path):
     command = [sys.executable, "-m", "raytrace", str(BOX), "--size", "512x512", "--spp", "16384"]
     command += ["-o", str(path), "--resume", "--cluster", pair.address]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    file, end = tmp_path / "a.npz.checkpoint", time.monotonic() + 60
+    file, end = tmp_path / "a.npz.checkpoint", time.monotonic() + 600
     while not file.exists() or file.stat().st_size < 10_000:
         assert time.monotonic() < end
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    out, said = process.communicate(timeout=60)
+    out, said = process.communicate(timeout=600)
     assert (process.returncode, out) == (130, f"{path}\n"), said
     assert f"--resume goes on from {file}" in said

@@ -114,7 +114,7 @@ def test_what_start_shows_works(tmp_path):
             [sys.executable, "-W", "error", "-c", f"import sys; sys.path.insert(0, {str(ROOT)!r})\n{small}"],
             capture_output=True,
             text=True,
-            timeout=300,
+            timeout=600,
             cwd=tmp_path,
         )
         assert done.returncode == 0, done.stderr
@@ -126,7 +126,7 @@ def test_what_live_shows_works():
     pytest.importorskip("anywidget")
     (program,) = blocks("live.md", "python")
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", program], capture_output=True, text=True, timeout=300, cwd=ROOT
+        [sys.executable, "-W", "error", "-c", program], capture_output=True, text=True, timeout=600, cwd=ROOT
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout == "(320, 320, 3) 16 1.33\n"

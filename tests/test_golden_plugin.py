@@ -38,7 +38,7 @@ def project(tmp_path):
         (tmp_path / "pytest.ini").write_text(f"[pytest]\n{ini}")
         command = [sys.executable, "-m", "pytest", "-p", "no:raytrace-golden", *plugin, "-q", "--color=no", *words]
         environment = os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "400"}
-        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
+        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=600)
         return done.stdout + done.stderr, done.returncode
 
     return run

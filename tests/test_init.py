@@ -60,7 +60,7 @@ SUBMODULES = [
 
 def python(program, *words):
     done = subprocess.run(
-        [sys.executable, *words, "-c", program], capture_output=True, text=True, timeout=120, cwd=ROOT
+        [sys.executable, *words, "-c", program], capture_output=True, text=True, timeout=600, cwd=ROOT
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -117,7 +117,7 @@ print()
 print(*(names - sys.stdlib_module_names - {{"raytrace"}}))
 """
     done = subprocess.run(
-        [sys.executable, "-c", program, *words], capture_output=True, text=True, timeout=300, cwd=ROOT
+        [sys.executable, "-c", program, *words], capture_output=True, text=True, timeout=600, cwd=ROOT
     )
     assert done.returncode == 0, done.stderr
     return set(done.stdout.splitlines()[-1].split())

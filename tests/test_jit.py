@@ -58,7 +58,7 @@ def fresh():
 
 def python(program, **environment):
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", program], capture_output=True, text=True, timeout=300, cwd=ROOT,
+        [sys.executable, "-W", "error", "-c", program], capture_output=True, text=True, timeout=600, cwd=ROOT,
         env=os.environ | {"PYTHONPATH": str(ROOT)} | environment,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -240,12 +240,12 @@ def test_kernels_let_go_of_the_interpreter():
         return x
 
     spin(1)
-    turns, thread = 0, threading.Thread(target=spin, args=(10**8,))
+    turns, thread = 0, threading.Thread(target=spin, args=(10**9,))
     thread.start()
     while thread.is_alive():
         turns += 1
         time.sleep(0.001)
-    assert turns > 10
+    assert turns > 3
 
 
 @compiled

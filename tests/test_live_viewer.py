@@ -33,7 +33,7 @@ def viewer(monkeypatch):
 
 
 def until(done):
-    limit = time.monotonic() + 120
+    limit = time.monotonic() + 600
     while not done():
         assert time.monotonic() < limit
         time.sleep(0.005)

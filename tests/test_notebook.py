@@ -178,7 +178,7 @@ def test_the_stop_button_returns_what_is_finished(kernel):
     began = time.monotonic()
     kernel.manager.interrupt_kernel()
     assert kernel.finish() == "False True True\n"
-    assert time.monotonic() - began < 30  # all of it would take an hour
+    assert time.monotonic() - began < 600  # all of it would take an hour
     assert first["transient"] == second["transient"]
     for shown in (first, second):
         assert decoded(shown["data"]["text/html"]).shape == (384, 384, 3)

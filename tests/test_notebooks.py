@@ -82,7 +82,7 @@ assert list(course.RESULTS.values()) == [
 """
     here = {"PYTHONPATH": os.pathsep.join([str(ROOT), str(FOLDER)]), "PYTHONIOENCODING": "utf-8"}
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, encoding="utf-8", timeout=120, env=os.environ | here
+        [sys.executable, "-c", program], capture_output=True, encoding="utf-8", timeout=600, env=os.environ | here
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "✓ exercise d: solved"

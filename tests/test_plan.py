@@ -173,7 +173,7 @@ def cold(request, tmp_path_factory):
     scenes = [str(ROOT / "scenes" / f"{name}.json") for name in ("cornell-box", "glass-slab", "glass-sphere")]
     done = subprocess.run(
         [sys.executable, "-c", COLD, request.param, *scenes],
-        capture_output=True, text=True, timeout=300, cwd=ROOT, env={**os.environ, "RAYTRACE_CACHE": str(cache)},
+        capture_output=True, text=True, timeout=600, cwd=ROOT, env={**os.environ, "RAYTRACE_CACHE": str(cache)},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return [json.loads(line) for line in done.stdout.splitlines()]

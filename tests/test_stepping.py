@@ -22,7 +22,7 @@ WIDE = pytest.mark.skipif(packet_width(np.zeros(1, np.float32)) < 4, reason="the
 def python(*words, folder=ROOT, **more):
     here = {"PYTHONPATH": str(folder), "NUMBA_DISABLE_JIT": "1"}
     done = subprocess.run(
-        [sys.executable, *words], capture_output=True, text=True, timeout=300, cwd=ROOT, env=os.environ | here, **more
+        [sys.executable, *words], capture_output=True, text=True, timeout=600, cwd=ROOT, env=os.environ | here, **more
     )
     return done.stdout + done.stderr
 
@@ -107,7 +107,7 @@ def test_breakpoint_works_in_a_notebook(kernel):
         "print(image.rgb.shape)"
     )
     for command in ("p len(eta)", "continue"):
-        asked = kernel.client.get_stdin_msg(timeout=120)
+        asked = kernel.client.get_stdin_msg(timeout=600)
         assert asked["msg_type"] == "input_request"
         kernel.client.input(command)
     printed = kernel.finish()

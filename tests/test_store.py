@@ -47,7 +47,7 @@ def start(program, cache, cwd=ROOT):
 
 
 def finish(process):
-    out, err = process.communicate(timeout=300)
+    out, err = process.communicate(timeout=600)
     assert process.returncode == 0, err
     return out.split()
 
@@ -149,7 +149,7 @@ def test_versions_are_found_without_an_import():
     program = (
         "import sys; from raytrace.native import store; print(store._version('numba')); print('numba' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, cwd=ROOT)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=600, cwd=ROOT)
     from importlib.metadata import version
 
     assert version("numba") in done.stdout
@@ -292,7 +292,7 @@ def test_looking_for_a_kernel_marks_the_folder_as_used(fresh):
     os.utime(fresh(), (0, 0))
     fresh()
     store.find(NAME, KINDS)
-    assert time.time() - store.cache_folder().stat().st_mtime < 100
+    assert store.cache_folder().stat().st_mtime > 1e9  # years after the epoch, where it was put above
 
 
 # Whole processes ------------------------------------------------------------------------------------------------------

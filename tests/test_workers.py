@@ -3,7 +3,6 @@
 import errno
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -142,7 +141,7 @@ def test_one_core_or_one_share_needs_no_other_process(folder, monkeypatch):
 
 
 def test_ctrl_c_ends_them_at_once(folder, monkeypatch):
-    monkeypatch.setattr(workers, "PROGRAM", "import time; time.sleep(100)")
+    monkeypatch.setattr(workers, "PROGRAM", "import time; time.sleep(10**6)")
     started = []
     start = workers._start
     monkeypatch.setattr(workers, "_start", lambda: started.append(start()) or started[-1])
@@ -151,9 +150,7 @@ def test_ctrl_c_ends_them_at_once(folder, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(parallel, "_follow", interrupt)
-    began = time.perf_counter()
     with pytest.raises(KeyboardInterrupt):
-        workers.compile_all(workers.missing(calls("f4")))
-    assert time.perf_counter() - began < 50
+        workers.compile_all(workers.missing(calls("f4")))  # would wait for days
     assert started
     assert all(process.poll() is not None for process in started)

@@ -113,7 +113,7 @@ def warn(data: dict[str, Any]) -> list[Problem]:
 def warnings_of(scene: "Scene", precision: str | None) -> list[str]:
     """The warnings of a scene, and what is to be said of it if it is rendered in this precision; a line each."""
     lines = list(scene.warnings)
-    if precision in ("float32", "float64") and scene.refractive:
+    if precision in ("float32", "float64") and getattr(scene, "refractive", False):
         from raytrace.scene.coincident import texts_in
 
         lines += [f"{scene.source or 'scene'}: {text}" for text in texts_in(scene, precision)]
