@@ -42,7 +42,7 @@ def transform(mesh: RawMesh, linear: Matrix, offset: Matrix) -> RawMesh:
             normals = product(-cofactors if mirrors else cofactors, normals)
             normal_faces = normal_faces[:, order]
         vertices = product(linear, mesh.vertices) + offset
-    return RawMesh(vertices, mesh.faces[:, order], normals, normal_faces, warnings=mesh.warnings)
+    return mesh._replace(vertices=vertices, faces=mesh.faces[:, order], normals=normals, normal_faces=normal_faces)
 
 
 def concatenate(meshes: list[RawMesh]) -> RawMesh:
