@@ -122,6 +122,12 @@ def test_what_start_shows_works(tmp_path):
     assert done.stdout == "[ 1. inf] [ 0 -1]\n"
 
 
+def test_meshes_of_other_packages_as_start_shows_them(capsys):
+    (program,) = blocks("start.md", "mesh")
+    exec(program, {})
+    assert capsys.readouterr().out == "[4.5]\n12\n"
+
+
 def test_what_live_shows_works():
     pytest.importorskip("anywidget")
     (program,) = blocks("live.md", "python")
