@@ -8,6 +8,8 @@ import pytest
 import rays
 from raytrace.passes.film import BINS, LUMINANCE, accumulate, bin_counts, develop, make_film, make_frame, put, taken
 
+pytestmark = pytest.mark.engine
+
 PRECISIONS = ("float32", "float64")
 
 

@@ -6,6 +6,8 @@ import pytest
 from raytrace.reporting.exact import Oracle
 from raytrace.reporting.hard_rays import cases
 
+pytestmark = pytest.mark.engine
+
 CASES = {case.name: case for case in cases()}
 PRECISIONS = ("float32", "float64")
 

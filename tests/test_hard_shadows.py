@@ -6,6 +6,8 @@ import pytest
 from raytrace.reporting.exact import Oracle
 from raytrace.reporting.hard_shadows import GAP, shadow_cases
 
+pytestmark = pytest.mark.engine
+
 CASES = {case.name: case for case in shadow_cases()}
 
 

@@ -8,6 +8,8 @@ from raytrace.reporting.hard_shadows import shadow_cases
 from raytrace.reporting.judge import Query
 from raytrace.reporting.tracers import Ours, Seed, paths, sent, tracers
 
+pytestmark = pytest.mark.engine
+
 PRECISIONS = ("float32", "float64")
 CASES: dict[str, Case] = {case.name: case for case in cases()}
 SHADOWS = {case.name: case for case in shadow_cases()}
