@@ -9,6 +9,8 @@ from raytrace.accel.box import beam_test, make_beam, make_slabs, slab_test
 from raytrace.accel.lanes import packet_width
 from raytrace.jit import interpreted as plain
 
+pytestmark = pytest.mark.engine
+
 PRECISIONS = ("float32", "float64")
 
 

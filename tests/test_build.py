@@ -11,6 +11,8 @@ from raytrace.accel.build import build
 from raytrace.accel.lanes import NODE
 from raytrace.accel.layout import boxes_of, children_of
 
+pytestmark = pytest.mark.engine
+
 PRECISIONS = ("float32", "float64")
 SPLITS = ("sah", "median")
 

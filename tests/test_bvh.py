@@ -17,6 +17,8 @@ import naive
 import rays
 import raytrace as rt
 
+pytestmark = pytest.mark.engine
+
 TESTS = Path(__file__).parent
 PRECISIONS = ("float32", "float64")
 FLOOR = np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0]]), np.array([[0, 1, 2]])  # z = 0

@@ -12,6 +12,8 @@ from raytrace.passes.sampling import make_sampler
 from raytrace.records import Camera
 from small_scenes import look
 
+pytestmark = pytest.mark.engine
+
 PRECISIONS = ("float32", "float64")
 CAMERAS = {
     "straight": (look((0, 0, 0), (0, 0, -1), fov=60), (32, 16)),

@@ -10,6 +10,8 @@ import pytest
 import raytrace as rt
 from small_scenes import Part, ball, box, glass, look, make_scene, quad
 
+pytestmark = pytest.mark.engine
+
 SCENES = Path(__file__).parents[1] / "scenes"
 FLOOR = quad((-9, 0, 9), (9, 0, 9), (9, 0, -9), (-9, 0, -9))  # faces +y
 PINHOLE_FOV = 1e-7  # degrees; the whole film spans 2e-9 of the distance: one ray, to the digits of float32

@@ -10,6 +10,8 @@ from raytrace.accel.lanes import BITS
 from raytrace.records import Hits, Rays
 from shipped_scenes import SCENES, load
 
+pytestmark = pytest.mark.engine
+
 N = 4096
 # (scene, split): nodes visited and triangles tested by one random ray from a surface
 # (measured once, on 2026-11-22, to notice when a change of build or traversal moves them)

@@ -7,6 +7,8 @@ import rays
 from raytrace.accel.lanes import PACKET
 from raytrace.passes.edges import edges, weigh
 
+pytestmark = pytest.mark.engine
+
 COLUMNS, ROWS = 32, 9
 INNER = np.s_[2:-2, 1:-1]
 

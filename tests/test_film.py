@@ -9,6 +9,8 @@ import rays
 from raytrace.passes.film import BINS, LUMINANCE, accumulate, bin_counts, develop, make_film, make_frame, put, taken
 from raytrace.rendering.film_tiles import ALL
 
+pytestmark = pytest.mark.engine
+
 PRECISIONS = ("float32", "float64")
 
 

@@ -1,8 +1,12 @@
 """Every shipped scene still looks as it did when its picture was approved: same seed, same samples, same light."""
 
+import pytest
+
 import raytrace as rt
 from shipped_scenes import SCENES, each_scene, load
 from small_scenes import studio
+
+pytestmark = pytest.mark.engine
 
 
 @each_scene

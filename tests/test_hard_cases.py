@@ -7,6 +7,8 @@ from raytrace.hardcases import suite
 from raytrace.hardcases.suite import Outcome, Score, run
 from raytrace.hardcases.tracers import Baseline, Lit, Ours
 
+pytestmark = pytest.mark.engine
+
 STEP = 7  # every 7th ray of each case: a prime, so that no kind of ray is left out
 PRECISIONS = ("float32", "float64")
 T_LIMIT = {"float32": 1e-6, "float64": 1e-14}  # relative, of well-conditioned hits

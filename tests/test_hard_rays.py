@@ -6,6 +6,8 @@ import pytest
 from raytrace.hardcases.oracle import Oracle
 from raytrace.hardcases.rays import cases
 
+pytestmark = pytest.mark.engine
+
 CASES = {case.name: case for case in cases()}
 PRECISIONS = ("float32", "float64")
 

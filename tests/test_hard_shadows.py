@@ -6,6 +6,8 @@ import pytest
 from raytrace.hardcases.oracle import Oracle
 from raytrace.hardcases.shadows import GAP, shadow_cases
 
+pytestmark = pytest.mark.engine
+
 CASES = {case.name: case for case in shadow_cases()}
 
 

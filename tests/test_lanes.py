@@ -43,6 +43,8 @@ from raytrace.accel.lanes import (
 )
 from raytrace.native import compiler  # noqa: F401  (teaches Numba the lanes, and their width)
 
+pytestmark = pytest.mark.engine
+
 WIDTHS = (4, 8, 16)
 FLOATS = ("float32", "float64")
 

@@ -10,6 +10,8 @@ import raytrace as rt
 from raytrace.passes.light import ROUNDINGS, SPAN, background, reflect_light, shadow_rays, triangles_at
 from raytrace.records import Hits, Points, Shading, Shadows
 
+pytestmark = pytest.mark.engine
+
 PRECISIONS = ("float32", "float64")
 QUIET = pytest.mark.filterwarnings("ignore::RuntimeWarning")
 N = 32

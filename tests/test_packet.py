@@ -11,6 +11,8 @@ import raytrace as rt
 from raytrace.accel.bundle import BUNDLE
 from raytrace.accel.lanes import group_size, packet_width
 
+pytestmark = pytest.mark.engine
+
 PRECISIONS = ("float32", "float64")
 NEAREST = 2.0**-10  # normals are rounded: where an origin lies in a triangle, t is only nearly 0
 EVERY = [(name, precision) for name in rays.CLOSED for precision in PRECISIONS]

@@ -15,6 +15,8 @@ from raytrace.rendering.wavefront import compile_scene
 from raytrace.scene.plan import make_plan
 from small_scenes import ball, box, glass, look, make_scene
 
+pytestmark = pytest.mark.engine
+
 PRECISIONS = ("float32", "float64")
 DIRECTION = {"float32": 2e-6, "float64": 3e-14}  # error of a direction
 PACKET = 16  # rays of a packet on any machine

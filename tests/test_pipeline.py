@@ -12,6 +12,8 @@ from raytrace.rendering import rendering, work_items
 from shipped_scenes import SCENES, each_scene, load
 from small_scenes import Part, look, make_scene, studio
 
+pytestmark = pytest.mark.engine
+
 ROOM = next(path for path in SCENES if path.stem == "room")
 FILMS = {"bumpy": ((6, 4), 1)}  # the twin tries 300,000 triangles on every ray
 SMALL = ((16, 12), 2)

@@ -10,6 +10,8 @@ import raytrace as rt
 from raytrace.passes.refraction import land, refract_rays
 from raytrace.records import DIFFUSE, REFRACTIVE, Batch, Hits, Mesh, Shading
 
+pytestmark = pytest.mark.engine
+
 PRECISIONS = ("float32", "float64")
 TOLERANCE = {"float32": 2e-6, "float64": 3e-14}
 IOR = np.array([1.0, 1.5, 1 / 1.5, 1.0])  # material 0 is diffuse

@@ -9,6 +9,8 @@ from raytrace.accel import reorder
 from raytrace.accel.inputs import columns_of
 from raytrace.records import Rays
 
+pytestmark = pytest.mark.engine
+
 PRECISIONS = ("float32", "float64")
 
 

@@ -11,6 +11,8 @@ from raytrace.accel.lanes import load, packet, packet_width, store
 from raytrace.jit import kernel
 from raytrace.passes.sampling import Independent, Sobol, Stratified, film_sample, make_sampler, pixel_key
 
+pytestmark = pytest.mark.engine
+
 PRECISIONS = ("float32", "float64")
 SAMPLERS = ("sobol", "stratified", "independent")
 SEEDS = (0, 1, 2**32 - 1)

@@ -12,6 +12,8 @@ import raytrace as rt
 from raytrace.passes.surface import surface
 from raytrace.records import DIFFUSE, REFRACTIVE, Hits, Mesh, Points, Shading
 
+pytestmark = pytest.mark.engine
+
 PRECISIONS = ("float32", "float64")
 PLACES = [(0.0, 1.0), (0.0, 1e-6), (0.0, 1e-3), (0.0, 1e3), (0.0, 1e6), (1e4, 1.0), (-1e4, 0.01), (1.0, 1e-3)]
 

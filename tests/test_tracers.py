@@ -8,6 +8,8 @@ from raytrace.hardcases.rays import Case, cases
 from raytrace.hardcases.shadows import shadow_cases
 from raytrace.hardcases.tracers import Baseline, Ours, paths, sent, tracers
 
+pytestmark = pytest.mark.engine
+
 PRECISIONS = ("float32", "float64")
 CASES: dict[str, Case] = {case.name: case for case in cases()}
 SHADOWS = {case.name: case for case in shadow_cases()}

@@ -10,6 +10,8 @@ import naive
 import rays
 import raytrace as rt
 
+pytestmark = pytest.mark.engine
+
 PRECISIONS = ("float32", "float64")
 MESHES = {"soup": lambda: rays.soup(200, seed=1), "torus": lambda: rays.torus(16, 8)}
 

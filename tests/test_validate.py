@@ -7,6 +7,8 @@ import rays
 import raytrace as rt
 from test_build import flaws, planted
 
+pytestmark = pytest.mark.engine
+
 SOUP = rays.soup(500, seed=1)
 
 
