@@ -75,9 +75,27 @@ def _statements(text: bytes) -> bytes:
     return b"".join([*pieces, text[kept:]])
 
 
+def _one_a_line(statements: bytes) -> np.ndarray | None:
+    """Corners of a sound text with a statement in each line, as nearly all are; None: it is another."""
+    lines = [line for line in statements.split(b"\n") if b"vertex" in line]
+    words = b" ".join(lines).split()
+    count = len(lines)
+    sound = statements.rfind(b"endsolid") > statements.rfind(b"vertex") and 3 * statements.count(b"endfacet") == count
+    if not (sound and len(words) == 4 * count == 4 * words[::4].count(b"vertex")):
+        return None
+    del words[::4]
+    try:
+        return to_array(words, number).reshape(-1, 3, 3)
+    except WordError:
+        return None
+
+
 def _text(text: bytes) -> np.ndarray:
     """Corners (m, 3, 3) of the triangles of a text in small letters."""
     statements = _statements(text)
+    numbers = _one_a_line(statements)
+    if numbers is not None:
+        return numbers
     if b"vertex" not in statements and b"vertex" in text:  # all of it is one line
         statements = text
     words = statements.split()
