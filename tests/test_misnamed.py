@@ -113,6 +113,24 @@ def test_a_file_in_another_case_is_named(tmp_path, mesh):
     assert f'{mesh.replace(chr(92), "/")}: no such file, but there is "{there}"; upper and lower' in str(caught.value)
 
 
+@pytest.mark.parametrize("name", ["teapot", "nurbs", "box", "frame", "room"])
+def test_a_backslash_that_json_took_for_an_escape_is_explained(tmp_path, name):
+    path = write(tmp_path, '{"mesh": 0}')
+    path.write_text(json.dumps(of("@")).replace("@", rf"meshes\{name}.obj"))
+    with pytest.raises(FileError) as caught:
+        rt.load(path)
+    told = f'meshes\\{name}.obj: no such file; write "/" between folders: "\\t" and the like are no letters in JSON'
+    assert told.replace("\\box", "\\x08ox").replace("\\frame", "\\x0crame") in str(caught.value)
+
+
+def test_a_scene_named_with_backslashes_is_found_out(tmp_path, monkeypatch):
+    (tmp_path / "scenes").mkdir()
+    write(tmp_path / "scenes", of("triangle.obj"))
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(FileError, match=r'no such file; did you mean "scenes/scene\.json"\?'):
+        rt.load(r"scenes\scene.json")
+
+
 def test_a_scene_in_another_case_and_other_accents_are_named(tmp_path):
     write(tmp_path, of("triangle.obj"), "Caf\u00e9.json")
     if (tmp_path / "caf\u00e9.json").exists():

@@ -12,6 +12,7 @@ from raytrace.scene.positions import Path
 
 MOST = 100  # problems that are told of one scene
 MAX_PATH = 300  # characters of a path that are told
+ESCAPED = "\b\t\n\f\r"  # what a backslash and a letter become
 SEARCHED = 1000  # names that are compared with a misspelt one
 HINTED = 10  # misspelt names that are compared with as many as that
 LISTED = 20  # names that a message lists
@@ -122,6 +123,10 @@ def no_such_file(path: FilePath) -> str:
     name = name if len(name) <= MAX_PATH else f"{name[:100]}...{name[100 - MAX_PATH :]}"
     if alike := _other_case(path):
         return printable(f'{name}: no such file, but there is "{alike}"; upper and lower case differ')
+    if "\\" in name and (other := FilePath(str(path).replace("\\", "/"))).exists():
+        return printable(f'{name}: no such file; did you mean "{other}"?')
+    if any(code in name for code in ESCAPED):
+        return printable(f'{name}: no such file; write "/" between folders: "\\t" and the like are no letters in JSON')
     if not path.parent.is_dir():
         return printable(f"{name}: no such file; there is no folder {name.removesuffix(path.name).rstrip(os.sep)}")
     return printable(f"{name}: no such file{_hint(path.name, _names(path.parent))}")

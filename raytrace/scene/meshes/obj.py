@@ -42,18 +42,19 @@ class _Statements(NamedTuple):
     words: Words
     lines: Integers
     sizes: Integers
+    odd: bool  # whether a word has a "_"
 
 
 def _lines(data: bytes) -> Words:
     """Return the lines, made regular where one is not: no tabs, indents or comments; a continued one at its last."""
     data = plain(data)
-    if b"1.#" in data or b"1#" in data:  # no comments: what Microsoft's C library writes for what is no number
-        data = INFINITE.sub(rb"\1inf", NO_NUMBER.sub(b"nan", data))
     lines = data.splitlines()
     comment_lines = data.count(b"\n#") + data.startswith(b"#")
     irregular = any(mark in b"\n" + data for mark in (b"\\", b"\t", b"\n ", b"\r "))
     if data.count(b"#") == comment_lines and not irregular:
         return lines
+    if b"1.#" in data or b"1#" in data:  # no comments: what Microsoft's C library writes for what is no number
+        lines = INFINITE.sub(rb"\1inf", NO_NUMBER.sub(b"nan", data)).splitlines()
     begun: Words = []
     for i, line in enumerate(lines):
         begun += line.partition(b"#")[0].split()
@@ -72,39 +73,42 @@ def _gather(lines: Words, key: bytes, most: int) -> _Statements:
     found = [i for i, line in enumerate(lines) if line.startswith(start)]
     if key in lines:  # the key alone is too short a statement
         found = sorted([*found, *(i for i, line in enumerate(lines) if line == key)])
-    words = b" ".join([lines[i] for i in found]).split()
+    joined = b" ".join([lines[i] for i in found])
+    words, odd = joined.split(), b"_" in joined
     numbers = np.array(found, np.int64) + 1
     if len(words) == 4 * len(found) == 4 * words[::4].count(key):  # three words each: nearly always
         del words[::4]
-        return _Statements(words, numbers, np.full(len(found), 3))
+        return _Statements(words, numbers, np.full(len(found), 3), odd)
     rows = [lines[i].split()[1 : most + 1] for i in found]
     sizes = np.array([len(row) for row in rows])
     if sizes.min() < 3:
         short = int(np.argmin(sizes))
         what = "a face of at least 3 corners" if key == b"f" else "3 numbers"
         raise ObjError(int(numbers[short]), f"expected {what}, got {sizes[short]}")
-    return _Statements(list(chain.from_iterable(rows)), numbers, sizes)
+    return _Statements(list(chain.from_iterable(rows)), numbers, sizes, odd)
 
 
 def _shown(word: bytes) -> str:
     return repr(shortened(word.decode("utf-8", "replace")))
 
 
-def _convert(words: Words, kind: Callable[[bytes], Any], what: str, line_of: Callable[[int], int]) -> NDArray[Any]:
+def _convert(
+    words: Words, odd: bool, kind: Callable[[bytes], Any], what: str, line_of: Callable[[int], int]
+) -> NDArray[Any]:
     """Turn words into an array, or blame the line of the first that won't."""
     try:
-        return to_array(words, kind)
+        return to_array(words, kind, odd)
     except WordError as error:
         raise ObjError(line_of(error.place), f"expected {what}, got {_shown(error.word)}") from None
 
 
 def _numbers(rows: _Statements) -> NDArray[np.float64]:
-    return _convert(rows.words, number, "a number", lambda i: int(rows.lines[i // 3])).reshape(-1, 3)
+    return _convert(rows.words, rows.odd, number, "a number", lambda i: int(rows.lines[i // 3])).reshape(-1, 3)
 
 
-def _references(words: Words, lines: Integers, target: _Statements, what: str) -> Integers:
+def _references(words: Words, odd: bool, lines: Integers, target: _Statements, what: str) -> Integers:
     """Return the row of the target that each corner refers to: from 1, or negative and counted back; 0 gives -1."""
-    index = _convert(words, whole, f"the index of a {what}", lambda i: int(lines[i]))
+    index = _convert(words, odd, whole, f"the index of a {what}", lambda i: int(lines[i]))
     count = len(target.lines)
     row = index - 1
     back = np.flatnonzero(index < 0)
@@ -159,7 +163,7 @@ def read_obj(data: bytes) -> RawMesh:
     points, faces = _gather(text, b"v", 3), _gather(text, b"f", len(data))
     vertices, lines = _numbers(points), np.repeat(faces.lines, faces.sizes)
     vertex_words, normal_words = _parts(faces.words, lines)
-    rows = _references(vertex_words, lines, points, "vertex")
+    rows = _references(vertex_words, faces.odd, lines, points, "vertex")
     _check_finite(vertices, rows, points.lines)
     try:
         triangles = triangulate(vertices, rows, faces.sizes)
@@ -168,7 +172,7 @@ def read_obj(data: bytes) -> RawMesh:
     try:  # what is wrong with normals matters only where they are used
         directions = _gather(text, b"vn", 3)
         normals = _numbers(directions)
-        normal_rows = _references(normal_words, lines, directions, "normal") if len(normals) else None
+        normal_rows = _references(normal_words, faces.odd, lines, directions, "normal") if len(normals) else None
     except ObjError as error:
         return RawMesh(vertices, rows[triangles], None, None, f":{error.line}: {error}")
     if normal_rows is None:

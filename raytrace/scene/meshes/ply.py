@@ -170,7 +170,7 @@ def _read_text(body: bytes, elements: list[Element]) -> tuple[dict[str, Numbers]
 
     With what is wrong with its words, by element and property.
     """
-    source, misfit = Text(body.split()), None
+    source, misfit = Text(body.split(), b"_" in body), None
     try:
         read = _read(source, elements)
     except ValueError as error:
@@ -178,7 +178,7 @@ def _read_text(body: bytes, elements: list[Element]) -> tuple[dict[str, Numbers]
     if source.at < source.end or misfit:
         words = words_by_lines(body, elements)
         if words is not None:
-            source = Text(words)
+            source = Text(words, b"_" in body)
             read, misfit = _read(source, elements), None
     if misfit:
         raise misfit

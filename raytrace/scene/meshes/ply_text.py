@@ -51,8 +51,9 @@ class Text:
     Words that are no numbers are not a number (NaN); ``faults`` says by property where the first one stands.
     """
 
-    def __init__(self, words: list[bytes]) -> None:
+    def __init__(self, words: list[bytes], odd: bool) -> None:
         self.words, self.at = words, 0
+        self.odd = odd  # whether any may have a "_"
         self.end = len(words)
         self.faults: dict[tuple[str, str], str] = {}
 
@@ -71,7 +72,7 @@ class Text:
         begin, self.at = self.at, self.at + rows * ends[-1]
         words = self.words[begin : self.at]
         try:
-            numbers = to_array(words, number).reshape(rows, ends[-1])
+            numbers = to_array(words, number, self.odd).reshape(rows, ends[-1])
         except WordError:
             return [
                 self._column(words, column, a, b, ends[-1])
@@ -86,7 +87,7 @@ class Text:
     def numbers(self, column: Column, words: Sequence[bytes], rows: Array | None = None) -> Array:
         """Numbers of a column, whatever its words."""
         try:
-            return to_array(words, number)
+            return to_array(words, number, self.odd)
         except WordError as error:
             row = error.place if rows is None else int(rows[error.place])
             fault = column.fault(row, error.word)

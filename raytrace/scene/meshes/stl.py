@@ -75,9 +75,40 @@ def _statements(text: bytes) -> bytes:
     return b"".join([*pieces, text[kept:]])
 
 
+def _one_a_line(statements: bytes) -> np.ndarray | None:
+    """Corners of a sound text with a statement in each line, as nearly all are; None: it is another."""
+    count = 3 * statements.count(b"endfacet")
+    ended = statements.rfind(b"endsolid") > statements.rfind(b"vertex")
+    if not (count and ended and statements.count(b"vertex") == count):
+        return None
+    lines = statements.lstrip().split(b"\n")
+    words = b" ".join(_third_to_fifth(lines, count)).split()
+    if not len(words) == 4 * count == 4 * words[::4].count(b"vertex"):
+        words = b" ".join([line for line in lines if b"vertex" in line]).split()
+        if not len(words) == 4 * count == 4 * words[::4].count(b"vertex"):
+            return None
+    del words[::4]
+    try:
+        return to_array(words, number, b"_" in statements).reshape(-1, 3, 3)
+    except WordError:
+        return None
+
+
+def _third_to_fifth(lines: list[bytes], count: int) -> list[bytes]:
+    """So many of seven lines each: those of the vertices, where a facet has seven lines."""
+    picked = [b""] * count
+    if 7 * count <= 3 * len(lines):
+        for k in range(3):
+            picked[k::3] = lines[2 + k : 7 * count // 3 : 7]
+    return picked
+
+
 def _text(text: bytes) -> np.ndarray:
     """Corners (m, 3, 3) of the triangles of a text in small letters."""
     statements = _statements(text)
+    numbers = _one_a_line(statements)
+    if numbers is not None:
+        return numbers
     if b"vertex" not in statements and b"vertex" in text:  # all of it is one line
         statements = text
     words = statements.split()

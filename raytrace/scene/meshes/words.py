@@ -69,7 +69,7 @@ class WordError(ValueError):
         super().__init__(repr(word))
 
 
-def to_array(words: Sequence[bytes], kind: Callable[[bytes], Any]) -> NDArray[Any]:
+def to_array(words: Sequence[bytes], kind: Callable[[bytes], Any], odd: bool = True) -> NDArray[Any]:
     """Turn words into an array, all at once where that is possible.
 
     Parameters
@@ -77,6 +77,8 @@ def to_array(words: Sequence[bytes], kind: Callable[[bytes], Any]) -> NDArray[An
     words : sequence of bytes
     kind : ``number`` or ``whole``
         float64 or int64.
+    odd : bool
+        Whether any may have a "_", by which Python parts digits.
 
     Raises
     ------
@@ -84,7 +86,7 @@ def to_array(words: Sequence[bytes], kind: Callable[[bytes], Any]) -> NDArray[An
         The first word that is no such number.
     """
     dtype = np.dtype(np.float64 if kind is number else np.int64)
-    if b"_" not in b"".join(words):
+    if not odd or b"_" not in b"".join(words):
         try:
             return np.array(list(map(float if kind is number else int, words)), dtype)
         except (ValueError, OverflowError):
