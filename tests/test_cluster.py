@@ -22,7 +22,7 @@ pytest.importorskip("distributed", reason="needs Dask: pip install '.[cluster]'"
 import dask
 from distributed import Client
 
-from raytrace import cluster
+from raytrace import cluster, run
 from raytrace.cluster import connect
 
 ROOT = Path(__file__).parents[1]
@@ -153,6 +153,12 @@ def once(count, act):
     return progress
 
 
+def interrupt_in_the_last_pass(event):
+    """Of passes that have as many parts each."""
+    if event.stage == "rendering" and 0.8 * event.total < event.done < event.total:
+        raise KeyboardInterrupt
+
+
 def interrupt():
     raise KeyboardInterrupt
 
@@ -280,14 +286,66 @@ def test_a_scheduler_that_goes_is_told_and_the_checkpoint_stays(scene, machines,
     assert rest.stats["rays"]["camera"] < whole.stats["rays"]["camera"]
 
 
+class PausedFuture:
+    """What never comes."""
+
+    def __init__(self, status):
+        self.status = status
+
+    def add_done_callback(self, _call):
+        pass
+
+
+class Paused:
+    """A client whose only worker has paused, before the scene has come or after."""
+
+    def __init__(self, status):
+        self.status, self.cancelled = status, []
+
+    def nthreads(self):
+        return {"tcp://a": 1}
+
+    def scheduler_info(self):
+        return {"workers": {"tcp://a": {"status": "paused"}}}
+
+    def submit(self, *_words, **_options):
+        return PausedFuture(self.status)
+
+    def replicate(self, _futures):
+        raise ValueError("Can not use replicate to delete data")
+
+    def gather(self, futures):
+        return []
+
+    def cancel(self, futures):
+        self.cancelled += futures
+
+
+@pytest.mark.parametrize("status", ["pending", "finished"])
+def test_workers_that_have_paused_for_lack_of_memory_are_not_waited_for(scene, status, monkeypatch):
+    monkeypatch.setattr(cluster, "PAUSED", 0.3)
+    with pytest.raises(OptionError, match="cluster: every worker has paused, as it ran out of memory; give workers"):
+        rt.render(scene, size=SIZE, spp=4, client=Paused(status))
+
+
+def test_a_worker_without_memory_is_told(scene, monkeypatch):
+    client = Paused("finished")
+    monkeypatch.setattr(cluster.Cluster, "_gather", lambda *_: (_ for _ in ()).throw(MemoryError()))
+    with pytest.raises(OptionError, match="cluster: a worker ran out of memory; give workers"):
+        rt.render(scene, size=SIZE, spp=4, client=client)
+
+
 # Stopping and going on ------------------------------------------------------------------------------------------------
 
 
-def test_ctrl_c_cancels_what_is_under_way(scene, pair):
+def test_ctrl_c_cancels_what_is_under_way(scene, pair, monkeypatch):
     ask = {"size": (256, 256), "spp": 16}
-    part = rt.render(scene, client=pair.client, progress=once(3, interrupt), **ask)
+    monkeypatch.setattr(run, "first_pass", lambda spp, seconds: 2)
+    part = rt.render(scene, client=pair.client, progress=interrupt_in_the_last_pass, **ask)
     assert (part.complete, part.interrupted) == (False, True)
-    assert part.aov["samples"].any()
+    assert (part.aov["samples"] == part.provenance["samples"]).all()
+    assert part.provenance["samples"] == 8
+    assert np.array_equal(part.rgb, rt.render(scene, size=(256, 256), spp=8).rgb)
     end = time.monotonic() + 30
     while any(pair.client.processing().values()):
         assert time.monotonic() < end
