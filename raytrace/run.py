@@ -32,6 +32,8 @@ from raytrace.wavefront import BATCH
 if TYPE_CHECKING:
     from raytrace.cluster import Cluster
 
+EARLY = 64  # parts of passes with fewer samples than this part of all are not kept: drawing them again costs less
+
 HandOut = Callable[[Sequence[tuple[Part, int]], Callable[[int], None]], bool]  # parts, a report -> whether all are
 
 
@@ -113,12 +115,25 @@ class Run:
             [Part(first, last, piece) for piece in pieces(pixels, max(at_least, work // (last - first)))]
             for first, last in rounds(spp, self.layout.first or 0)
         ]
-        for parts in drawn:
+        skipped = self._kept_passes(drawn)
+        for parts in drawn[:skipped]:
+            done += len(parts)
+        self._numbers = itertools.count(done)
+        for parts in drawn[skipped:]:
             whole = self._draw_parts(parts, done, sum(map(len, drawn)))
             if not whole or int(self.canvas.film.samples.min()) < parts[0].last:  # time was up within the last part
                 return False
             done += len(parts)
         return True
+
+    def _kept_passes(self, drawn: list[list[Part]]) -> int:
+        """How many passes need not be drawn, nor read, for all of the next is in the checkpoint; that begins at 0."""
+        before = list(itertools.accumulate(map(len, drawn), initial=0))
+        for k in range(len(drawn) - 1, 0, -1):
+            if self.keep and all(self.keep.has(number) for number in range(before[k], before[k + 1])):
+                drawn[k] = [part._replace(first=0) for part in drawn[k]]
+                return k
+        return 0
 
     def _refine(self, search: adaptive.Search) -> bool:
         """Give more samples to pixels round after round, until the error of the picture meets the target."""
@@ -163,7 +178,7 @@ class Run:
     def _take(self, numbered: tuple[Part, int], sheet: Sheet, seconds: float) -> None:
         """Take in a part that is drawn."""
         part, number = numbered
-        if self.keep:
+        if self.keep and part.last * EARLY >= self.job.first_spp:
             self.keep.add(number, sheet.sums, seconds)
         self._take_back(part, sheet, part.last)
 

@@ -10,9 +10,11 @@ from raytrace import checkpoint, pace, run
 from raytrace.checkpoint import Checkpoint
 from raytrace.crew import Crew
 from raytrace.jit import PLAIN
+from raytrace.job import Job
 from raytrace.pace import expected, first_pass
 from raytrace.parts import TILE, pieces, rounds
 from raytrace.progress import Watcher
+from raytrace.records import Window
 from raytrace.run import Run
 from raytrace.wavefront import BATCH
 from same_pictures import assert_same
@@ -59,6 +61,17 @@ def ended_at(monkeypatch, part, act):
 
 def interrupt():
     raise KeyboardInterrupt
+
+
+def job_of(scene, spp):
+    settings = scene.settings._replace(size=SIZE, spp=spp)
+    return Job(scene, settings, Window(0, 0, *SIZE), settings.precision, None)
+
+
+def keep_all(monkeypatch):
+    """All parts are kept, however quick they are drawn."""
+    monkeypatch.setattr(checkpoint, "SHARE", 1e9)
+    monkeypatch.setattr(checkpoint, "EVERY", 0.0)
 
 
 def reached(whole_parts):
@@ -115,7 +128,7 @@ def test_all_that_ends_a_render_leaves_the_same(scene, passes, monkeypatch, tmp_
             patch.setattr(Run, "_over", lambda _run, over=over: bool(over))
             ended_at(patch, part, act or (lambda over=over: over.append(True)))
             images.append(rt.render(scene, size=SIZE, spp=SPP, threads=1, progress=Told(lambda _: None)))
-    monkeypatch.setattr(checkpoint, "SHARE", 1e9)  # all parts are kept
+    keep_all(monkeypatch)
     for k in (part, 1):
         with monkeypatch.context() as patch:
             ended_at(patch, k, interrupt)
@@ -176,6 +189,39 @@ def test_passes_go_on_from_a_checkpoint_in_the_same_passes(scene, tmp_path, monk
     assert events[-1].total == parts_of_passes()[-1]
     assert said[0].startswith(f"{file}: goes on from ")
     assert_same(rt.render(scene, **ask), rest)
+
+
+def test_passes_before_one_that_is_kept_are_neither_kept_nor_drawn_again(scene, tmp_path, monkeypatch):
+    keep_all(monkeypatch)
+    monkeypatch.setattr(run, "first_pass", lambda spp, seconds: 1)
+    file, ask = tmp_path / "a.checkpoint", {"size": SIZE, "spp": 256}
+    whole, ends = rt.render(scene, **ask), parts_of_passes(256, 1)
+    assert_same(whole, rt.render(scene, checkpoint=file, threads=1, **ask))
+    places = Checkpoint(file)
+    places.begin(job_of(scene, 256))
+    kept = [number for number in range(ends[-1]) if places.has(number)]
+    places.close(True)
+    assert kept == list(range(ends[1], ends[-1]))  # from 4 samples on, a 64th of all
+    again = rt.render(scene, checkpoint=file, **ask)
+    assert again.stats["rays"] == {}
+    assert_same(whole, again)
+    reads, find = [], Checkpoint.find
+    monkeypatch.setattr(Checkpoint, "find", lambda self, number: reads.append(number) or find(self, number))
+    rt.render(scene, checkpoint=file, **ask)
+    assert reads == list(range(ends[-2], ends[-1]))
+
+
+def test_a_part_that_cannot_be_read_after_passes_that_were_left_out_is_drawn_whole(
+    scene, tmp_path, monkeypatch, passes
+):
+    keep_all(monkeypatch)
+    file, ask = tmp_path / "a.checkpoint", {"size": SIZE, "spp": SPP}
+    whole = rt.render(scene, checkpoint=file, threads=1, **ask)
+    find, lost = Checkpoint.find, parts_of_passes()[-1] - 2
+    monkeypatch.setattr(Checkpoint, "find", lambda self, number: None if number == lost else find(self, number))
+    rest = rt.render(scene, checkpoint=file, **ask)
+    assert rest.stats["rays"]["camera"] < whole.stats["rays"]["camera"]
+    assert_same(whole, rest)
 
 
 # When -----------------------------------------------------------------------------------------------------------------
