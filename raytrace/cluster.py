@@ -97,6 +97,8 @@ def _workers(client: "Client") -> list[dict[str, Any]]:
         known = client.scheduler_info(n_workers=-1)
     except TypeError:  # of an older version
         known = client.scheduler_info()
+    if "workers" not in known:
+        raise OSError("no scheduler is connected")
     return list(known["workers"].values())
 
 
@@ -230,6 +232,8 @@ class Cluster:
         while future.status == "pending" and not over():  # there may be no worker yet
             self._check_running(began)
             time.sleep(SOON)
+        if future.status == "cancelled":
+            raise OSError("no scheduler is connected")
         if future.status == "finished":
             with contextlib.suppress(ValueError):  # no worker runs now; those that do later fetch it by themselves
                 self._client.replicate([future])

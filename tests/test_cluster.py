@@ -328,6 +328,14 @@ def test_workers_that_have_paused_for_lack_of_memory_are_not_waited_for(scene, s
         rt.render(scene, size=SIZE, spp=4, client=Paused(status))
 
 
+def test_a_scheduler_that_goes_before_the_scene_has_come_is_told(scene, monkeypatch):
+    monkeypatch.setattr(cluster, "PAUSED", 0.1)
+    monkeypatch.setattr(Paused, "scheduler_info", lambda _client: {"type": "Scheduler"})
+    for status in ("pending", "cancelled"):
+        with pytest.raises(OptionError, match="cluster: the scheduler has gone"):
+            rt.render(scene, size=SIZE, spp=4, client=Paused(status))
+
+
 def test_a_worker_without_memory_is_told(scene, monkeypatch):
     client = Paused("finished")
     monkeypatch.setattr(cluster.Cluster, "_gather", lambda *_: (_ for _ in ()).throw(MemoryError()))
@@ -416,10 +424,10 @@ def test_the_command_line_draws_the_same_picture(pair, tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_ctrl_c_at_the_command_line_saves_what_came_back(pair, tmp_path):
     path = tmp_path / "a.npz"
-    command = [sys.executable, "-m", "raytrace", str(BOX), "--size", "512x512", "--spp", "16384"]
+    command = [sys.executable, "-m", "raytrace", str(BOX), "--size", "512x512", "--spp", "4096"]
     command += ["-o", str(path), "--resume", "--cluster", pair.address]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    file, end = tmp_path / "a.npz.checkpoint", time.monotonic() + 60
+    file, end = tmp_path / "a.npz.checkpoint", time.monotonic() + 240
     while not file.exists() or file.stat().st_size < 10_000:
         assert time.monotonic() < end
         time.sleep(0.05)
