@@ -17,6 +17,7 @@ from raytrace.wavefront import BATCH
 LONG = 2.0  # seconds from which on a picture is drawn in passes
 FIRST = 0.25  # seconds that the first pass should take at least; each pass costs some 60 ns a pixel
 LEAST = 1 << 20  # samples of a picture that may take so long: on two cores of 2020 it takes 0.01 to 1 s
+LEAP = 8  # by how much a pass may multiply the samples, while they are few: fewer passes cost less
 SPOTS, SAMPLES = 16, 4  # places of the film where samples are drawn to see how long they take; of each pixel there
 
 

@@ -19,7 +19,7 @@ from raytrace.crew import Crew
 from raytrace.jit import on_compile
 from raytrace.job import Job, Layout
 from raytrace.needs import compile_ahead, picture_of
-from raytrace.pace import expected, first_pass
+from raytrace.pace import LEAP, expected, first_pass
 from raytrace.parts import Part, pieces, rounds
 from raytrace.passes.estimate import MODELS, root_mean
 from raytrace.passes.film import MOST, Frame
@@ -96,7 +96,7 @@ class Run:
                 seconds = self._cluster.expected(len(self.canvas.at) * spp)
             elif isinstance(self._drawers, Crew):
                 seconds = expected(self._drawers, self.canvas, spp, min(threads, parallel.thread_count(None)))
-            self.layout = self.layout._replace(first=first_pass(spp, seconds))
+            self.layout = self.layout._replace(first=first_pass(spp, seconds), leap=LEAP)
         if self.keep:
             self.keep.settle(self.layout)
         if self.layout.first:
@@ -108,12 +108,12 @@ class Run:
 
     def _draw_all(self) -> bool:
         """Draw round after round: a pixel's samples are summed in their order, so no tile may be in two at once."""
-        spp, pixels, done = self.job.first_spp, len(self.canvas.film.samples), 0
+        pixels, done = len(self.canvas.film.samples), 0
         self.watcher.begin(self.canvas.film.samples, self.canvas.at, self.job.window)
         at_least, work = self.layout.at_least, max(self.layout.work, BATCH)
         drawn = [
             [Part(first, last, piece) for piece in pieces(pixels, max(at_least, work // (last - first)))]
-            for first, last in rounds(spp, self.layout.first or 0)
+            for first, last in self._passes()
         ]
         skipped = self._kept_passes(drawn)
         for parts in drawn[:skipped]:
@@ -125,6 +125,10 @@ class Run:
                 return False
             done += len(parts)
         return True
+
+    def _passes(self) -> list[tuple[int, int]]:
+        """Samples of each pass over the whole film."""
+        return rounds(self.job.first_spp, self.layout.first or 0, self.layout.leap)
 
     def _kept_passes(self, drawn: list[list[Part]]) -> int:
         """How many passes need not be drawn, nor read, for all of the next is in the checkpoint; that begins at 0."""
@@ -230,7 +234,7 @@ class Run:
         spp, done = self.job.first_spp, int(self.canvas.film.samples.min())
         if done >= spp:
             return self.canvas.develop()
-        passes = [last for _, last in rounds(spp, self.layout.first or 0) if last <= done]
+        passes = [last for _, last in self._passes() if last <= done]
         return self.canvas.develop(max(passes, default=0))
 
     def _picture(self, complete: bool, interrupted: bool, compile_seconds: float) -> Render:

@@ -22,7 +22,7 @@ from small_scenes import studio
 
 SIZE = (3 * TILE + 5, 2 * TILE + 3)
 SPP = 24
-ENDS = (2, 4, 8, 16, 24)  # of passes, where the first has two samples
+ENDS = (2, 8, 16, 24)  # of passes, where the first has two samples
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def passes(monkeypatch):
 def parts_of_passes(spp=SPP, first=2):
     """How many parts there are up to the end of each pass."""
     pixels = -(-SIZE[0] * SIZE[1] // 16) * 16
-    counts = [len(pieces(pixels, BATCH // (last - begin))) for begin, last in rounds(spp, first)]
+    counts = [len(pieces(pixels, BATCH // (last - begin))) for begin, last in rounds(spp, first, pace.LEAP)]
     return list(itertools.accumulate(counts))
 
 
@@ -115,7 +115,7 @@ def test_ctrl_c_leaves_the_whole_image_after_the_last_complete_pass(scene, passe
 
 
 def test_all_that_ends_a_render_leaves_the_same(scene, passes, monkeypatch, tmp_path):
-    part, said = parts_of_passes()[2] + 3, []
+    part, said = parts_of_passes()[1] + 3, []
 
     class Told(Watcher):
         def end(self, state):
@@ -191,6 +191,10 @@ def test_passes_go_on_from_a_checkpoint_in_the_same_passes(scene, tmp_path, monk
     assert_same(rt.render(scene, **ask), rest)
 
 
+def test_the_passes_that_tests_speak_of():
+    assert tuple(last for _, last in rounds(SPP, 2, pace.LEAP)) == ENDS
+
+
 def test_passes_before_one_that_is_kept_are_neither_kept_nor_drawn_again(scene, tmp_path, monkeypatch):
     keep_all(monkeypatch)
     monkeypatch.setattr(run, "first_pass", lambda spp, seconds: 1)
@@ -201,7 +205,7 @@ def test_passes_before_one_that_is_kept_are_neither_kept_nor_drawn_again(scene, 
     places.begin(job_of(scene, 256))
     kept = [number for number in range(ends[-1]) if places.has(number)]
     places.close(True)
-    assert kept == list(range(ends[1], ends[-1]))  # from 4 samples on, a 64th of all
+    assert kept == list(range(ends[0], ends[-1]))  # but for the first, which is less than a 64th of all
     again = rt.render(scene, checkpoint=file, **ask)
     assert again.stats["rays"] == {}
     assert_same(whole, again)
@@ -276,5 +280,5 @@ def test_passes_take_no_more_memory_for_samples_in_flight(scene, monkeypatch):
     rest = Crew.rest
     monkeypatch.setattr(Crew, "rest", lambda crew: (rest(crew), fronts.append(len(crew._wavefronts))))
     rt.render(scene, size=SIZE, spp=256, threads=2)
-    assert len(fronts) == 9
+    assert len(fronts) == len(rounds(256, 1, pace.LEAP)) > 4
     assert fronts[-1] <= 3  # of the caller's thread, and of two others; each pass has new threads

@@ -171,7 +171,7 @@ LONG = "rt.render(scene, spp=65536, size=(384, 384)"
 
 def test_the_stop_button_returns_what_is_finished(kernel):
     kernel.begin(
-        f"picture = {LONG})\nprint(picture.complete, picture.interrupted, (picture.rgb > 0).any(2).all())\npicture"
+        f"picture = {LONG})\nprint(picture.complete, picture.interrupted, (picture.aov['samples'] > 0).all())\npicture"
     )
     first = kernel.until("display_data")
     second = kernel.until("update_display_data")
