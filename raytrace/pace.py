@@ -10,6 +10,7 @@ import time
 
 import numpy as np
 
+from raytrace.accel.lanes import PACKET
 from raytrace.canvas import Canvas, blank
 from raytrace.crew import Crew
 from raytrace.wavefront import BATCH
@@ -46,18 +47,18 @@ def expected(crew: Crew, canvas: Canvas, spp: int, threads: int) -> float:
         return 0.0
     seconds = 0.0
     for pixels in (BATCH // SPOTS // SAMPLES // 4, BATCH // SPOTS // SAMPLES):
-        seconds = min(_timed(crew, canvas, pixels) for _ in range(2)) * samples / threads
+        seconds = min(_timed(crew, canvas, pixels, min(SAMPLES, spp)) for _ in range(2)) * samples / threads
         if seconds <= LONG:  # few samples at a time are slower than many
             break
     return seconds
 
 
-def _timed(crew: Crew, canvas: Canvas, pixels: int) -> float:
+def _timed(crew: Crew, canvas: Canvas, pixels: int, samples: int) -> float:
     """Seconds for a sample, of so many neighbours in each of the spots; what is drawn is dropped."""
-    spots = np.linspace(0, max(len(canvas.at) - pixels, 0), SPOTS).astype(int)
+    spots = np.linspace(0, max(len(canvas.at) - pixels, 0), SPOTS).astype(int) // PACKET * PACKET
     sheet = blank(*canvas.places(np.minimum(spots[:, None] + np.arange(pixels), len(canvas.at) - 1).ravel()))
     began = time.perf_counter()
-    crew.draw(sheet, 0, SAMPLES)
+    crew.draw(sheet, 0, samples)
     seconds = time.perf_counter() - began
     crew.forget()
-    return seconds / (len(sheet.x) * SAMPLES)
+    return seconds / (len(sheet.x) * samples)

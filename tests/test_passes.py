@@ -260,6 +260,22 @@ def test_nothing_is_drawn_to_see_how_long_a_small_image_takes(scene, monkeypatch
     rt.render(scene, size=SIZE, spp=64)
 
 
+@pytest.mark.parametrize("spp", [1, 3, 64])
+def test_no_more_samples_are_drawn_for_that_than_there_are(scene, monkeypatch, spp):
+    ranges, draw = [], Crew.draw
+
+    def drawing(crew, sheet, first, last, over=None):
+        if over is None:
+            ranges.append((first, last))
+            return draw(crew, sheet, first, last)
+        return draw(crew, sheet, first, last, over)
+
+    monkeypatch.setattr(Crew, "draw", drawing)
+    monkeypatch.setattr(pace, "LEAST", 1)
+    rt.render(scene, size=SIZE, spp=spp, sampler="stratified")
+    assert set(ranges) == {(0, min(spp, pace.SAMPLES))}
+
+
 @pytest.mark.skipif(PLAIN, reason="a million samples")
 @pytest.mark.parametrize("size", [(16, 16), SIZE])
 def test_what_is_drawn_to_see_how_long_it_takes_does_not_count(scene, monkeypatch, size):
