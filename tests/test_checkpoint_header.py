@@ -99,14 +99,15 @@ LAYOUTS = {
     "deep": DEEP,
     "no UTF-8": b"\xff",
     "too few": b'{"first": 0}',
-    "too many": b'{"first": 0, "at_least": 0, "work": 0, "more": 0}',
-    "text": b'{"first": "0", "at_least": 0, "work": 0}',
-    "float": b'{"first": 1.0, "at_least": 0, "work": 0}',
-    "flag": b'{"first": true, "at_least": 0, "work": 0}',
-    "null": b'{"first": null, "at_least": 0, "work": 0}',
-    "negative": b'{"first": -1, "at_least": 0, "work": 0}',
-    "more than there are": b'{"first": 17, "at_least": 0, "work": 0}',
-    "huge": b'{"first": 0, "at_least": 99999999999999999999, "work": 0}',
+    "too many": b'{"first": 0, "leap": 2, "at_least": 0, "work": 0, "more": 0}',
+    "text": b'{"first": "0", "leap": 2, "at_least": 0, "work": 0}',
+    "float": b'{"first": 1.0, "leap": 2, "at_least": 0, "work": 0}',
+    "flag": b'{"first": true, "leap": 2, "at_least": 0, "work": 0}',
+    "null": b'{"first": null, "leap": 2, "at_least": 0, "work": 0}',
+    "negative": b'{"first": -1, "leap": 2, "at_least": 0, "work": 0}',
+    "leap": b'{"first": 0, "leap": 0, "at_least": 0, "work": 0}',
+    "more than there are": b'{"first": 17, "leap": 2, "at_least": 0, "work": 0}',
+    "huge": b'{"first": 0, "leap": 2, "at_least": 99999999999999999999, "work": 0}',
 }
 
 

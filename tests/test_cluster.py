@@ -22,7 +22,7 @@ pytest.importorskip("distributed", reason="needs Dask: pip install '.[cluster]'"
 import dask
 from distributed import Client
 
-from raytrace.rendering import cluster
+from raytrace.rendering import cluster, run
 from raytrace.rendering.cluster import connect
 
 ROOT = Path(__file__).parents[1]
@@ -50,7 +50,7 @@ import raytrace.accel.lanes as lanes
 lanes.BITS = int(bits) or lanes.BITS  # as on a machine with other registers
 import raytrace
 raytrace.__version__ = version
-from raytrace import worker
+from raytrace.rendering import cluster_worker
 from distributed import Worker
 log = os.open(log, os.O_CREAT | os.O_APPEND | os.O_WRONLY)
 def logged(function, what):
@@ -59,7 +59,7 @@ def logged(function, what):
         return function(*args)
     return wrapper
 worker.loads = logged(worker.loads, lambda content: f"{name} scene")
-worker.Crew.__init__ = logged(worker.Crew.__init__, lambda *args: f"{name} crew")
+worker.RenderThreads.__init__ = logged(worker.RenderThreads.__init__, lambda *args: f"{name} crew")
 worker._draw = logged(worker._draw, lambda scene, order, x, y, samples, sums: f"{name} part {x[0]} {y[0]} {samples}")
 async def main():
     async with Worker(address, nthreads=int(threads), name=name, dashboard=False) as one:
@@ -151,6 +151,12 @@ def once(count, act):
             act()
 
     return progress
+
+
+def interrupt_in_the_last_pass(event):
+    """Of passes that have as many parts each."""
+    if event.stage == "rendering" and 0.8 * event.total < event.done < event.total:
+        raise KeyboardInterrupt
 
 
 def interrupt():
@@ -280,14 +286,74 @@ def test_a_scheduler_that_goes_is_told_and_the_checkpoint_stays(scene, machines,
     assert rest.stats["rays"]["camera"] < whole.stats["rays"]["camera"]
 
 
+class PausedFuture:
+    """What never comes."""
+
+    def __init__(self, status):
+        self.status = status
+
+    def add_done_callback(self, _call):
+        pass
+
+
+class Paused:
+    """A client whose only worker has paused, before the scene has come or after."""
+
+    def __init__(self, status):
+        self.status, self.cancelled = status, []
+
+    def nthreads(self):
+        return {"tcp://a": 1}
+
+    def scheduler_info(self):
+        return {"workers": {"tcp://a": {"status": "paused"}}}
+
+    def submit(self, *_words, **_options):
+        return PausedFuture(self.status)
+
+    def replicate(self, _futures):
+        raise ValueError("Can not use replicate to delete data")
+
+    def gather(self, futures):
+        return []
+
+    def cancel(self, futures):
+        self.cancelled += futures
+
+
+@pytest.mark.parametrize("status", ["pending", "finished"])
+def test_workers_that_have_paused_for_lack_of_memory_are_not_waited_for(scene, status, monkeypatch):
+    monkeypatch.setattr(cluster, "PAUSED", 0.3)
+    with pytest.raises(OptionError, match="cluster: every worker has paused, as it ran out of memory; give workers"):
+        rt.render(scene, size=SIZE, spp=4, client=Paused(status))
+
+
+def test_a_scheduler_that_goes_before_the_scene_has_come_is_told(scene, monkeypatch):
+    monkeypatch.setattr(cluster, "PAUSED", 0.1)
+    monkeypatch.setattr(Paused, "scheduler_info", lambda _client: {"type": "Scheduler"})
+    for status in ("pending", "cancelled"):
+        with pytest.raises(OptionError, match="cluster: the scheduler has gone"):
+            rt.render(scene, size=SIZE, spp=4, client=Paused(status))
+
+
+def test_a_worker_without_memory_is_told(scene, monkeypatch):
+    client = Paused("finished")
+    monkeypatch.setattr(cluster.Cluster, "_gather", lambda *_: (_ for _ in ()).throw(MemoryError()))
+    with pytest.raises(OptionError, match="cluster: a worker ran out of memory; give workers"):
+        rt.render(scene, size=SIZE, spp=4, client=client)
+
+
 # Stopping and going on ------------------------------------------------------------------------------------------------
 
 
-def test_ctrl_c_cancels_what_is_under_way(scene, pair):
+def test_ctrl_c_cancels_what_is_under_way(scene, pair, monkeypatch):
     ask = {"size": (256, 256), "spp": 16}
-    part = rt.render(scene, client=pair.client, progress=once(3, interrupt), **ask)
+    monkeypatch.setattr(run, "first_pass", lambda spp, seconds: 2)
+    part = rt.render(scene, client=pair.client, progress=interrupt_in_the_last_pass, **ask)
     assert (part.complete, part.interrupted) == (False, True)
-    assert part.aov["samples"].any()
+    assert (part.aov["samples"] == part.provenance["samples"]).all()
+    assert part.provenance["samples"] == 8
+    assert np.array_equal(part.rgb, rt.render(scene, size=(256, 256), spp=8).rgb)
     end = time.monotonic() + 600
     while any(pair.client.processing().values()):
         assert time.monotonic() < end
@@ -358,7 +424,7 @@ def test_the_command_line_draws_the_same_picture(pair, tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_ctrl_c_at_the_command_line_saves_what_came_back(pair, tmp_path):
     path = tmp_path / "a.npz"
-    command = [sys.executable, "-m", "raytrace", str(BOX), "--size", "512x512", "--spp", "16384"]
+    command = [sys.executable, "-m", "raytrace", str(BOX), "--size", "512x512", "--spp", "4096"]
     command += ["-o", str(path), "--resume", "--cluster", pair.address]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     file, end = tmp_path / "a.npz.checkpoint", time.monotonic() + 600

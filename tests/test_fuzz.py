@@ -80,7 +80,7 @@ def test_headers_that_lie(mill, kind):
 
 BROKEN = """
 import os, time
-from raytrace import cli
+from raytrace.cli import main as cli
 def main(words):
     if words[0] == "raise": raise ValueError("x")
     if words[0] == "hang": time.sleep(60)

@@ -116,10 +116,10 @@ def test_a_picture_alone_comes_back_alone(tmp_path, name):
 @pytest.mark.parametrize("name", ["a.exr", "a.npz", "a.png"])
 def test_what_is_read_may_be_written_to(tmp_path, name):
     rgb, rest = picture()
-    back = image.load(image.save(tmp_path / name, rgb, **rest))
+    back = files.load(files.save(tmp_path / name, rgb, **rest))
     for array in (back.rgb, *back.aov.values()):
         array *= 2
-    assert (image.load(tmp_path / name).rgb * 2 == back.rgb).all()
+    assert (files.load(tmp_path / name).rgb * 2 == back.rgb).all()
 
 
 @pytest.mark.parametrize("exposure", [0.0, -2.5])

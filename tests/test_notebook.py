@@ -171,7 +171,7 @@ LONG = "rt.render(scene, spp=65536, size=(384, 384)"
 
 def test_the_stop_button_returns_what_is_finished(kernel):
     kernel.begin(
-        f"picture = {LONG})\nprint(picture.complete, picture.interrupted, (picture.rgb > 0).any(2).all())\npicture"
+        f"picture = {LONG})\nprint(picture.complete, picture.interrupted, (picture.aov['samples'] > 0).all())\npicture"
     )
     first = kernel.until("display_data")
     second = kernel.until("update_display_data")
@@ -190,7 +190,7 @@ def test_the_stop_button_returns_what_is_finished(kernel):
 
 
 def test_a_cell_that_is_done_shows_its_picture_once(kernel):
-    kernel.run("from raytrace import preview; preview.FIRST = 0.0; preview.LONG = 0")
+    kernel.run("from raytrace.rendering import notebook; notebook.FIRST = 0.0; notebook.LONG = 0")
     kernel.run("rt.render(scene, spp=16, size=(64, 64))")
     assert len(kernel.each("display_data", "data")) == 1
     assert kernel.each("update_display_data", "data")[-1] == {"text/plain": "", "text/html": ""}
@@ -198,7 +198,7 @@ def test_a_cell_that_is_done_shows_its_picture_once(kernel):
 
 
 def test_it_can_be_switched_off(kernel):
-    kernel.run("from raytrace import preview; preview.FIRST = 0.0")
+    kernel.run("from raytrace.rendering import notebook; notebook.FIRST = 0.0")
     kernel.run("rt.render(scene, spp=16, size=(64, 64), progress=False)")
     assert kernel.each("display_data", "data") == []
     assert kernel.run("rt.render(scene, spp=1, size=(16, 16), progress=lambda p: print(p.stage)); None")

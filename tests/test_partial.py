@@ -178,7 +178,8 @@ def test_the_summary_tells_compiling_from_rendering():
 
 WRITING = """
 import os, signal, sys, time
-from raytrace import files, image, run
+from raytrace import files
+from raytrace.rendering import run
 from raytrace.cli.main import main
 from raytrace.cli.terminal import ECHO, Reporter
 run.first_pass = lambda spp, seconds: 1

@@ -7,8 +7,10 @@ import pytest
 
 import raytrace as rt
 from raytrace.jit import PLAIN
+from raytrace.records import Window
 from raytrace.rendering import checkpoint, pace, run
 from raytrace.rendering.checkpoint import Checkpoint
+from raytrace.rendering.job import Job
 from raytrace.rendering.pace import expected, first_pass
 from raytrace.rendering.progress import ProgressListener
 from raytrace.rendering.run import Run
@@ -20,7 +22,7 @@ from small_scenes import studio
 
 SIZE = (3 * TILE + 5, 2 * TILE + 3)
 SPP = 24
-ENDS = (2, 4, 8, 16, 24)  # of passes, where the first has two samples
+ENDS = (2, 8, 16, 24)  # of passes, where the first has two samples
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +39,7 @@ def passes(monkeypatch):
 def parts_of_passes(spp=SPP, first=2):
     """How many parts there are up to the end of each pass."""
     pixels = -(-SIZE[0] * SIZE[1] // 16) * 16
-    counts = [len(pieces(pixels, BATCH // (last - begin))) for begin, last in rounds(spp, first)]
+    counts = [len(pieces(pixels, BATCH // (last - begin))) for begin, last in rounds(spp, first, pace.LEAP)]
     return list(itertools.accumulate(counts))
 
 
@@ -59,6 +61,17 @@ def ended_at(monkeypatch, part, act):
 
 def interrupt():
     raise KeyboardInterrupt
+
+
+def job_of(scene, spp):
+    settings = scene.settings._replace(size=SIZE, spp=spp)
+    return Job(scene, settings, Window(0, 0, *SIZE), settings.precision, None)
+
+
+def keep_all(monkeypatch):
+    """All parts are kept, however quick they are drawn."""
+    monkeypatch.setattr(checkpoint, "SHARE", 1e9)
+    monkeypatch.setattr(checkpoint, "EVERY", 0.0)
 
 
 def reached(whole_parts):
@@ -102,7 +115,7 @@ def test_ctrl_c_leaves_the_whole_image_after_the_last_complete_pass(scene, passe
 
 
 def test_all_that_ends_a_render_leaves_the_same(scene, passes, monkeypatch, tmp_path):
-    part, said = parts_of_passes()[2] + 3, []
+    part, said = parts_of_passes()[1] + 3, []
 
     class Told(ProgressListener):
         def end(self, state):
@@ -115,7 +128,7 @@ def test_all_that_ends_a_render_leaves_the_same(scene, passes, monkeypatch, tmp_
             patch.setattr(Run, "_over", lambda _run, over=over: bool(over))
             ended_at(patch, part, act or (lambda over=over: over.append(True)))
             images.append(rt.render(scene, size=SIZE, spp=SPP, threads=1, progress=Told(lambda _: None)))
-    monkeypatch.setattr(checkpoint, "SHARE", 1e9)  # all parts are kept
+    keep_all(monkeypatch)
     for k in (part, 1):
         with monkeypatch.context() as patch:
             ended_at(patch, k, interrupt)
@@ -178,6 +191,43 @@ def test_passes_go_on_from_a_checkpoint_in_the_same_passes(scene, tmp_path, monk
     assert_same(rt.render(scene, **ask), rest)
 
 
+def test_the_passes_that_tests_speak_of():
+    assert tuple(last for _, last in rounds(SPP, 2, pace.LEAP)) == ENDS
+
+
+def test_passes_before_one_that_is_kept_are_neither_kept_nor_drawn_again(scene, tmp_path, monkeypatch):
+    keep_all(monkeypatch)
+    monkeypatch.setattr(run, "first_pass", lambda spp, seconds: 1)
+    file, ask = tmp_path / "a.checkpoint", {"size": SIZE, "spp": 256}
+    whole, ends = rt.render(scene, **ask), parts_of_passes(256, 1)
+    assert_same(whole, rt.render(scene, checkpoint=file, threads=1, **ask))
+    places = Checkpoint(file)
+    places.begin(job_of(scene, 256))
+    kept = [number for number in range(ends[-1]) if places.has(number)]
+    places.close(True)
+    assert kept == list(range(ends[0], ends[-1]))  # but for the first, which is less than a 64th of all
+    again = rt.render(scene, checkpoint=file, **ask)
+    assert again.stats["rays"] == {}
+    assert_same(whole, again)
+    reads, find = [], Checkpoint.find
+    monkeypatch.setattr(Checkpoint, "find", lambda self, number: reads.append(number) or find(self, number))
+    rt.render(scene, checkpoint=file, **ask)
+    assert reads == list(range(ends[-2], ends[-1]))
+
+
+def test_a_part_that_cannot_be_read_after_passes_that_were_left_out_is_drawn_whole(
+    scene, tmp_path, monkeypatch, passes
+):
+    keep_all(monkeypatch)
+    file, ask = tmp_path / "a.checkpoint", {"size": SIZE, "spp": SPP}
+    whole = rt.render(scene, checkpoint=file, threads=1, **ask)
+    find, lost = Checkpoint.find, parts_of_passes()[-1] - 2
+    monkeypatch.setattr(Checkpoint, "find", lambda self, number: None if number == lost else find(self, number))
+    rest = rt.render(scene, checkpoint=file, **ask)
+    assert rest.stats["rays"]["camera"] < whole.stats["rays"]["camera"]
+    assert_same(whole, rest)
+
+
 # When -----------------------------------------------------------------------------------------------------------------
 
 
@@ -210,6 +260,22 @@ def test_nothing_is_drawn_to_see_how_long_a_small_image_takes(scene, monkeypatch
     rt.render(scene, size=SIZE, spp=64)
 
 
+@pytest.mark.parametrize("spp", [1, 3, 64])
+def test_no_more_samples_are_drawn_for_that_than_there_are(scene, monkeypatch, spp):
+    ranges, draw = [], RenderThreads.draw
+
+    def drawing(crew, sheet, first, last, over=None):
+        if over is None:
+            ranges.append((first, last))
+            return draw(crew, sheet, first, last)
+        return draw(crew, sheet, first, last, over)
+
+    monkeypatch.setattr(RenderThreads, "draw", drawing)
+    monkeypatch.setattr(pace, "LEAST", 1)
+    rt.render(scene, size=SIZE, spp=spp, sampler="stratified")
+    assert set(ranges) == {(0, min(spp, pace.SAMPLES))}
+
+
 @pytest.mark.skipif(PLAIN, reason="a million samples")
 @pytest.mark.parametrize("size", [(16, 16), SIZE])
 def test_what_is_drawn_to_see_how_long_it_takes_does_not_count(scene, monkeypatch, size):
@@ -230,5 +296,5 @@ def test_passes_take_no_more_memory_for_samples_in_flight(scene, monkeypatch):
     rest = RenderThreads.rest
     monkeypatch.setattr(RenderThreads, "rest", lambda crew: (rest(crew), fronts.append(len(crew._wavefronts))))
     rt.render(scene, size=SIZE, spp=256, threads=2)
-    assert len(fronts) == 9
+    assert len(fronts) == len(rounds(256, 1, pace.LEAP)) > 4
     assert fronts[-1] <= 3  # of the caller's thread, and of two others; each pass has new threads

@@ -136,7 +136,7 @@ def test_streams_that_are_none_are_as_good_as_closed(monkeypatch, verb):
 @posix
 def test_a_closed_descriptor_is_not_given_to_the_next_file(tmp_path):
     program = (
-        "import os; from raytrace import streams; streams.prepare(); print(os.open('file', os.O_CREAT), flush=True)"
+        "import os; from raytrace.cli import streams; streams.prepare(); print(os.open('file', os.O_CREAT), flush=True)"
     )
     command = ["sh", "-c", 'exec "$@" 2>&-', "sh", sys.executable, "-c", program]
     done = subprocess.run(
@@ -187,7 +187,7 @@ def test_words_of_the_command_line_are_escaped(tmp_path, monkeypatch, capsys, wo
 
 def test_a_message_about_a_long_word_is_short(capsys):
     with pytest.raises(SystemExit, match="2"):
-        cli.main(["box.json", "--spp", "9" * 100_000])
+        main.main(["box.json", "--spp", "9" * 100_000])
     assert len(capsys.readouterr().err.splitlines()[-1]) < 1100
 
 

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NoReturn
 
-raytrace/cli/arguments.py
 from raytrace.cli import streams
 from raytrace.errors import printable, shortened
 from raytrace.limits import LAYERS

@@ -113,6 +113,10 @@ class Checkpoint:
         if self._journal.is_open and LAYOUT not in self._journal.places:
             self._journal.append([self._record()])
 
+    def has(self, number: int) -> bool:
+        """Whether there is a record of a finished part."""
+        return number in self._journal.places
+
     def find(self, number: int) -> NDArray[np.float64] | None:
         """Sums of a finished part, (12, n); None: it isn't here."""
         content = self._journal.read(number)

@@ -52,4 +52,4 @@ def layout_of(content: bytes | None, spp: int) -> Tiling | None:
     layout = Tiling(**found)
     if any(type(number) is not int or not 0 <= number <= LARGEST for number in layout):
         return None
-    return layout if (layout.first or 0) <= spp else None
+    return layout if (layout.first or 0) <= spp and layout.leap >= 2 else None

@@ -19,7 +19,7 @@ from dataclasses import replace
 from itertools import count
 from pickle import dumps
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -41,6 +41,9 @@ SHORT = 0.2  # seconds that a part should take at least: caller, scheduler and w
 RATE = 2e7  # samples a second that a thread draws of a simple scene; of others fewer, so that parts take longer
 SLOW = 10  # times fewer, of a scene that may still be expected
 AHEAD = 3  # tasks that the scheduler is given ahead, for each thread
+PAUSED = 30.0  # seconds without a result after which paused workers are no longer waited for
+MEMORY = "ran out of memory; give workers more (--memory-limit), or fewer threads each, or take a smaller scene"
+SOON = 0.01  # seconds between two looks at whether the scene has come
 LOOK = 1.0  # seconds between two looks at how many threads there are
 
 Numbered = tuple[WorkItem, int]
@@ -88,6 +91,17 @@ def part_samples(threads: int) -> int:
     return int(max(SHORT, TASK * threads) * RATE)
 
 
+def _workers(client: "Client") -> list[dict[str, Any]]:
+    """What the scheduler knows of all workers; without words, some versions tell of the first five alone."""
+    try:
+        known = client.scheduler_info(n_workers=-1)
+    except TypeError:  # of an older version
+        known = client.scheduler_info()
+    if "workers" not in known:
+        raise OSError("no scheduler is connected")
+    return list(known["workers"].values())
+
+
 class Cluster:
     """The workers of a scheduler, for one picture.
 
@@ -103,7 +117,7 @@ class Cluster:
         self._client, self._scene = client, job.scene
         self._order = Order(job.scene.sha256, job.settings, job.precision)
         self._name, self._tasks = f"raytrace-{os.urandom(8).hex()}", count()
-        self._threads, self._looked = 0, -np.inf
+        self._threads, self._looked, self._checked = 0, -np.inf, -np.inf
         self._refused: set[str] = set()
         self._rays, self._seconds = Counter[str](), dict[str, float]()
 
@@ -154,13 +168,15 @@ class Cluster:
 
         waiting, flying, landed = deque(parts), dict["Future", Numbered](), SimpleQueue["Future"]()
         try:
-            scene, done = self._send_scene(), 0
+            scene, done, landed_last = self._send_scene(over), 0, time.monotonic()
             while not over():
                 while waiting and len(flying) < max(1, AHEAD * self._look()):
                     self._submit(scene, lend, waiting.popleft(), flying, landed)
                 if not flying:
                     return True
+                self._check_running(landed_last)
                 for numbered, result in self._gather(flying, landed):
+                    landed_last = time.monotonic()
                     if isinstance(result, Refusal):
                         self._refuse(result)
                         waiting.appendleft(numbered)
@@ -175,6 +191,8 @@ class Cluster:
             raise OptionError("cluster: the scheduler has gone; a checkpoint has what came back") from error
         except KilledWorker as error:
             raise OptionError(f"cluster: {error}") from error
+        except MemoryError as error:
+            raise OptionError(f"cluster: a worker {MEMORY}") from error
         finally:
             if flying:
                 with contextlib.suppress(OSError):
@@ -191,7 +209,16 @@ class Cluster:
                 raise OptionError(f"cluster: no worker is left that has raytrace {build()}")
         return self._threads
 
-    def _send_scene(self) -> "Future":
+    def _check_running(self, since: float) -> None:
+        """Raise where nothing came back since then, and all workers have paused."""
+        if time.monotonic() < max(since + PAUSED, self._checked + LOOK):
+            return
+        self._checked = time.monotonic()
+        workers = _workers(self._client)
+        if workers and all(worker.get("status") == "paused" for worker in workers):
+            raise OptionError(f"cluster: every worker has paused, as it {MEMORY}")
+
+    def _send_scene(self, over: Callable[[], bool]) -> "Future":
         """The scene on the cluster, with a copy on every worker; sent but once."""
         sha256, future = _sent.get(self._client, ("", None))
         if sha256 != self._order.scene or future is None or future.status != "finished":
@@ -201,8 +228,15 @@ class Cluster:
             with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1TB"}):
                 future = self._client.submit(hold, content, key=f"raytrace-scene-{self._order.scene}", pure=False)
             _sent[self._client] = self._order.scene, future
-        with contextlib.suppress(ValueError):  # no worker is there now; those that come fetch the scene by themselves
-            self._client.replicate([future])
+        began = time.monotonic()
+        while future.status == "pending" and not over():  # there may be no worker yet
+            self._check_running(began)
+            time.sleep(SOON)
+        if future.status == "cancelled":
+            raise OSError("no scheduler is connected")
+        if future.status == "finished":
+            with contextlib.suppress(ValueError):  # no worker runs now; those that do later fetch it by themselves
+                self._client.replicate([future])
         return future
 
     def _submit(

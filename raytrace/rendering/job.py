@@ -29,6 +29,7 @@ class Tiling(NamedTuple):
     """How a picture is cut into parts; it decides none of its bits."""
 
     first: int | None = None  # samples of each pixel in the first pass over the film; 0: all; None: not yet known
+    leap: int = 2  # by how much a pass may multiply the samples
     at_least: int = 0  # pixels of a part
     work: int = 0  # samples of a part at least
 

@@ -66,7 +66,7 @@ def render(
     crop : (x, y, width, height), pixels, optional
         Draw only this part of the film; it equals that part of the whole picture.
     time_limit : float, seconds, optional
-        Stop after about so long, with fewer samples.
+        Stop after about so long. The image then has the samples of the last complete pass over all pixels.
     target_error : float, optional
         Sample where the error is until the estimated RMSE of the picture, in sRGB clipped to 0 .. 1, is at most this:
         0.002 is half a step of 8 bits. No pixel gets more than ``spp`` samples, 4096 where that isn't given.
@@ -81,7 +81,8 @@ def render(
     Returns
     -------
     Render
-        With ``complete`` False after Ctrl-C or the time limit.
+        With ``complete`` False after Ctrl-C or the time limit: the whole image, with fewer samples per pixel, as
+        ``provenance["samples"]`` says; black with 0 samples if the first pass was not complete.
 
     Raises
     ------

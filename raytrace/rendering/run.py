@@ -23,7 +23,7 @@ from raytrace.rendering.compiled_scenes import compiled_of, is_built, plan_of
 from raytrace.rendering.film_tiles import FilmTile, FilmTiles
 from raytrace.rendering.job import Job, Tiling
 from raytrace.rendering.kernels import compile_ahead, picture_of
-from raytrace.rendering.pace import expected, first_pass
+from raytrace.rendering.pace import LEAP, expected, first_pass
 from raytrace.rendering.progress import Progress, ProgressListener
 from raytrace.rendering.result import Layers, Render, state_of, trace_layers
 from raytrace.rendering.threads import RenderThreads
@@ -32,6 +32,8 @@ from raytrace.rendering.work_items import WorkItem, pieces, rounds
 
 if TYPE_CHECKING:
     from raytrace.rendering.cluster import Cluster
+
+EARLY = 64  # parts of passes with fewer samples than this part of all are not kept: drawing them again costs less
 
 HandOut = Callable[[Sequence[tuple[WorkItem, int]], Callable[[int], None]], bool]  # parts, a report -> whether all are
 
@@ -95,7 +97,7 @@ class Run:
                 seconds = self._cluster.expected(len(self.canvas.at) * spp)
             elif isinstance(self._drawers, RenderThreads):
                 seconds = expected(self._drawers, self.canvas, spp, min(threads, parallel.thread_count(None)))
-            self.layout = self.layout._replace(first=first_pass(spp, seconds))
+            self.layout = self.layout._replace(first=first_pass(spp, seconds), leap=LEAP)
         if self.keep:
             self.keep.settle(self.layout)
         if self.layout.first:
@@ -107,19 +109,36 @@ class Run:
 
     def _draw_all(self) -> bool:
         """Draw round after round: a pixel's samples are summed in their order, so no tile may be in two at once."""
-        spp, pixels, done = self.job.first_spp, len(self.canvas.film.samples), 0
+        pixels, done = len(self.canvas.film.samples), 0
         self.watcher.begin(self.canvas.film.samples, self.canvas.at, self.job.window)
         at_least, work = self.layout.at_least, max(self.layout.work, BATCH)
         drawn = [
             [WorkItem(first, last, piece) for piece in pieces(pixels, max(at_least, work // (last - first)))]
-            for first, last in rounds(spp, self.layout.first or 0)
+            for first, last in self._passes()
         ]
-        for parts in drawn:
+        skipped = self._kept_passes(drawn)
+        for parts in drawn[:skipped]:
+            done += len(parts)
+        self._numbers = itertools.count(done)
+        for parts in drawn[skipped:]:
             whole = self._draw_parts(parts, done, sum(map(len, drawn)))
             if not whole or int(self.canvas.film.samples.min()) < parts[0].last:  # time was up within the last part
                 return False
             done += len(parts)
         return True
+
+    def _passes(self) -> list[tuple[int, int]]:
+        """Samples of each pass over the whole film."""
+        return rounds(self.job.first_spp, self.layout.first or 0, self.layout.leap)
+
+    def _kept_passes(self, drawn: list[list[WorkItem]]) -> int:
+        """How many passes need not be drawn, nor read, for all of the next is in the checkpoint; that begins at 0."""
+        before = list(itertools.accumulate(map(len, drawn), initial=0))
+        for k in range(len(drawn) - 1, 0, -1):
+            if self.keep and all(self.keep.has(number) for number in range(before[k], before[k + 1])):
+                drawn[k] = [part._replace(first=0) for part in drawn[k]]
+                return k
+        return 0
 
     def _refine(self, search: adaptive.AdaptiveSampler) -> bool:
         """Give more samples to pixels round after round, until the error of the picture meets the target."""
@@ -164,7 +183,7 @@ class Run:
     def _take(self, numbered: tuple[WorkItem, int], sheet: FilmTile, seconds: float) -> None:
         """Take in a part that is drawn."""
         part, number = numbered
-        if self.keep:
+        if self.keep and part.last * EARLY >= self.job.first_spp:
             self.keep.add(number, sheet.sums, seconds)
         self._take_back(part, sheet, part.last)
 
@@ -216,7 +235,7 @@ class Run:
         spp, done = self.job.first_spp, int(self.canvas.film.samples.min())
         if done >= spp:
             return self.canvas.develop()
-        passes = [last for _, last in rounds(spp, self.layout.first or 0) if last <= done]
+        passes = [last for _, last in self._passes() if last <= done]
         return self.canvas.develop(max(passes, default=0))
 
     def _picture(self, complete: bool, interrupted: bool, compile_seconds: float) -> Render:

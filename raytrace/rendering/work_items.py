@@ -41,22 +41,24 @@ def pieces(pixels: int, at_least: int) -> list[slice]:
     return [slice(k, min(k + step, pixels)) for k in range(0, pixels, step)]
 
 
-def rounds(spp: int, first: int) -> list[tuple[int, int]]:
+def rounds(spp: int, first: int, leap: int = 2) -> list[tuple[int, int]]:
     """Ranges of samples: all at once, or ever more where time may run out, so that the whole picture is there early.
 
     Parameters
     ----------
     spp : int
     first : int
-        Samples in the first range, each of the others doubles them; 0: all at once.
+        Samples in the first range; 0: all at once.
+    leap : int
+        Each range doubles the samples, or multiplies them by up to 8 if ``leap`` allows it, up to 3/8 of all.
 
-    >>> rounds(20, 4), rounds(20, 0)
-    ([(0, 4), (4, 8), (8, 16), (16, 20)], [(0, 20)])
+    >>> rounds(20, 4), rounds(20, 0), rounds(200, 8, 8)
+    ([(0, 4), (4, 8), (8, 16), (16, 20)], [(0, 20)], [(0, 8), (8, 64), (64, 128), (128, 200)])
     """
     bounds = [0]
     while first and first < spp:
         bounds.append(first)
-        first *= 2
+        first *= next(k for k in (8, 4, 2) if k == 2 or (k <= leap and 8 * k * first <= 3 * spp))
     return list(pairwise([*bounds, spp]))
 
 

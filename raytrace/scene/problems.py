@@ -2,7 +2,8 @@
 
 import difflib
 import json
-from collections.abc import Collection, Iterable
+import os
+from collections.abc import Collection, Iterable, Iterator
 from itertools import islice
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple

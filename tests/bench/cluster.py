@@ -26,7 +26,7 @@ ASLEEP = f"""
 import time
 from collections import Counter
 import numpy as np
-from raytrace import worker
+from raytrace.rendering import cluster_worker as worker
 def nap(scene, order, x, y, samples, sums):
     time.sleep({NAP})
     return worker.Drawn(np.zeros((12, len(x))), Counter(), {{"nap": {NAP}}})

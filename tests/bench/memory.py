@@ -48,7 +48,7 @@ if not isinstance(scene, str):
     scene["objects"] = [entry | {"mesh": Path(entry["mesh"])} for entry in scene["objects"]]
 for name in ("cornell-box", "room"):
     rt.render(f"scenes/{name}.json", **options | {"size": (64, 64), "spp": 2}).save(picture)
-from raytrace import rendering  # noqa
+from raytrace.rendering import rendering  # noqa
 from raytrace.scene import make, meshes
 memory.Allowance = make.Allowance = meshes.Allowance = Watched
 base, found = status("VmRSS"), {}

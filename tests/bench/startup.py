@@ -50,10 +50,10 @@ from raytrace.rendering.kernels import tracing
 from raytrace.scene.plan import make_plan
 from raytrace.passes.camera import make_view
 from raytrace.passes.sampling import make_sampler
-from raytrace.rendering.wavefront import Wavefront, make_stage
-from raytrace.rendering.compiled_scenes import set_stage
-stage = make_stage(scene, make_plan(scene), "float32")
-set_stage(scene, stage)
+from raytrace.rendering.wavefront import Wavefront, compile_scene
+from raytrace.rendering.compiled_scenes import set_compiled
+stage = compile_scene(scene, make_plan(scene), "float32")
+set_compiled(scene, stage)
 step("plan and trees")
 from raytrace.native import link, signatures, store
 store.cache_folder()

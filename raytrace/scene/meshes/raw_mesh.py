@@ -43,7 +43,6 @@ def transform(mesh: RawMesh, linear: Matrix, offset: Matrix) -> RawMesh:
             normal_faces = normal_faces[:, order]
         vertices = product(linear, mesh.vertices) + offset
     return mesh._replace(vertices=vertices, faces=mesh.faces[:, order], normals=normals, normal_faces=normal_faces)
-raytrace/scene/meshes/raw_mesh.py
 
 
 def quiet_unused(mesh: RawMesh) -> RawMesh:
