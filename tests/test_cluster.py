@@ -58,9 +58,9 @@ def logged(function, what):
         os.write(log, (what(*args) + "\\n").encode())
         return function(*args)
     return wrapper
-worker.loads = logged(worker.loads, lambda content: f"{name} scene")
-worker.RenderThreads.__init__ = logged(worker.RenderThreads.__init__, lambda *args: f"{name} crew")
-worker._draw = logged(worker._draw, lambda scene, order, x, y, samples, sums: f"{name} part {x[0]} {y[0]} {samples}")
+cluster_worker.loads = logged(cluster_worker.loads, lambda content: f"{name} scene")
+cluster_worker.RenderThreads.__init__ = logged(cluster_worker.RenderThreads.__init__, lambda *args: f"{name} crew")
+cluster_worker._draw = logged(cluster_worker._draw, lambda scene, order, x, y, samples, sums: f"{name} part {x[0]} {y[0]} {samples}")
 async def main():
     async with Worker(address, nthreads=int(threads), name=name, dashboard=False) as one:
         await one.finished()
