@@ -145,7 +145,7 @@ def test_all_that_ends_a_render_leaves_the_same(scene, passes, monkeypatch, tmp_
 
 def test_an_adaptive_image_that_is_interrupted_has_the_error_of_its_complete_rounds(scene, monkeypatch):
     ask = {"size": SIZE, "spp": 256, "target_error": 5e-4, "threads": 1}
-    errors, search = [], run.adaptive.Search.parts
+    errors, search = [], run.adaptive.AdaptiveSampler.parts
 
     def parts(self, at_least=0):
         found = search(self, at_least)
@@ -154,7 +154,7 @@ def test_an_adaptive_image_that_is_interrupted_has_the_error_of_its_complete_rou
             raise KeyboardInterrupt
         return found
 
-    monkeypatch.setattr(run.adaptive.Search, "parts", parts)
+    monkeypatch.setattr(run.adaptive.AdaptiveSampler, "parts", parts)
     image = rt.render(scene, **ask)
     assert image.provenance["samples"] >= 4
     assert (image.rgb > 0).any()

@@ -90,7 +90,7 @@ def test_kernels_for_a_named_processor_are_shared_by_unlike_ones(fresh, monkeypa
     before = fresh()
     monkeypatch.setattr(store.llvm, "get_host_cpu_name", lambda: "another")
     assert fresh() == before
-    monkeypatch.setattr(store.lanes, "BITS", 64)  # but they must have registers of one width
+    monkeypatch.setattr(store, "register_bits", lambda: 64)  # but they must have registers of one width
     assert fresh() != before
 
 

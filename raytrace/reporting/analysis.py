@@ -41,7 +41,7 @@ def fit_order(way: Configuration, spp: Sequence[float], error: Sequence[float]) 
 
     Examples
     --------
-    >>> fit = fit_order(Way("sobol", "float32"), [1, 4, 16], [0.8, 0.2, 0.05])
+    >>> fit = fit_order(Configuration("sobol", "float32"), [1, 4, 16], [0.8, 0.2, 0.05])
     >>> round(fit.order, 3), round(fit.at_one, 3)
     (-1.0, 0.8)
     """

@@ -42,7 +42,7 @@ class Configuration(NamedTuple):
     def name(self) -> str:
         """What to call it in tables.
 
-        >>> Way("sobol", "float32", tree="none").name
+        >>> Configuration("sobol", "float32", tree="none").name
         'sobol, float32, no tree'
         """
         extra = [self.triangle] if self.triangle != "watertight" else []

@@ -43,7 +43,7 @@ def lay_out(rows: list[list[str]]) -> str:
 def order_text(order: Order) -> str:
     """Write an order of convergence with its interval.
 
-    >>> order_text(Order(Way("sobol", "float32"), -0.751, -0.8, -0.7, 0.1, 9))
+    >>> order_text(Order(Configuration("sobol", "float32"), -0.751, -0.8, -0.7, 0.1, 9))
     'error ~ spp^-0.751 (95 %: -0.800 .. -0.700)'
     """
     interval = "unknown" if math.isnan(order.low) else f"{order.low:.3f} .. {order.high:.3f}"

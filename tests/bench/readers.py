@@ -27,7 +27,7 @@ begun = time.process_time()
 told, imported, faces = "", 0.0, 0
 try:
     if whose == "raytrace":
-        from raytrace.scene.meshes import read_mesh
+        from raytrace.scene.meshes.reading import read_mesh
         imported = time.process_time() - begun
         mesh = read_mesh(Path(path))
     else:

@@ -53,7 +53,7 @@ def right(words: list[str]) -> str:
 
     scene = rt.load(words[0])
     path = words[words.index("-o") + 1]
-    rgb = rt.image.load(path).rgb
+    rgb = rt.image.files.load(path).rgb
     if not (np.isfinite(rgb).all() and (rgb >= 0).all()):
         return "the picture is not finite, or negative"
     places = scene.mesh.vertices, scene.lights.position, *scene.camera[:3]
