@@ -41,10 +41,10 @@ def test_no_point_that_was_measured_beats_the_advice():
     points = curve(SOBOL, lambda n: {1: 0.02, 4: 0.00287}.get(n, 0.001), 0.0)
     points += curve(STRATIFIED, lambda n: {1: 0.03, 4: 0.0049}.get(n, 0.002), 0.0)
     seconds = {(SOBOL, 1): 0.09, (SOBOL, 4): 0.0691, (STRATIFIED, 1): 0.06, (STRATIFIED, 4): 0.071}
-    points = [point._replace(times=(seconds.get((point.way, point.spp), 0.5),)) for point in points]
+    points = [point._replace(times=(seconds.get((point.configuration, point.spp), 0.5),)) for point in points]
     for error in (0.02, 0.01, 0.005, 0.003):
         for way in (SOBOL, STRATIFIED):
-            mine = [point for point in points if point.way == way]
+            mine = [point for point in points if point.configuration == way]
             reached = [point.seconds for point in mine if point.rmse_srgb <= error]
             assert needed(mine, error)[1] <= min(reached)
     (line,) = [line for line in sentences(points) if line.startswith("For RMSE 0.005 ")]

@@ -8,7 +8,7 @@ import pytest
 from raytrace.errors import FileError
 from raytrace.golden import store
 from raytrace.golden.check import Golden
-from raytrace.golden.locations import Place
+from raytrace.golden.locations import GoldenLocation
 from raytrace.image import files
 from test_golden_gates import DEFECTS, noisy, scene
 from test_page import Reader
@@ -16,7 +16,9 @@ from test_page import Reader
 
 @pytest.fixture
 def place(tmp_path):
-    return Place(tmp_path / "tests" / "golden", tmp_path, tmp_path / "left", tmp_path, "tests/test_a.py::test_a")
+    return GoldenLocation(
+        tmp_path / "tests" / "golden", tmp_path, tmp_path / "left", tmp_path, "tests/test_a.py::test_a"
+    )
 
 
 def write(place, picture, name="box", **more):

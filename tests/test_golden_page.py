@@ -13,10 +13,10 @@ import pytest
 from PIL import Image
 
 from raytrace.golden.gates import Gates, judge
-from raytrace.golden.locations import Place
+from raytrace.golden.locations import GoldenLocation
 from raytrace.golden.page import BRIGHTER, DARKER, NOT_FINITE, Failure, page
 from raytrace.golden.spots import Spot, find, largest_channel, scale_of
-from raytrace.golden.store import Approved
+from raytrace.golden.store import GoldenImage
 from raytrace.image.files import LUMINANCE
 from raytrace.image.metrics import compare
 from test_page import Reader
@@ -31,8 +31,8 @@ def golden_light(height=96, width=128):
 
 
 def written(actual, golden, stderr=None, name="box"):
-    approved = Approved(golden, stderr, 1 if stderr is None else 8)
-    place = Place(Path("/g"), Path("/"), Path("/f"), Path("/"), "tests/test_a.py::test_a")
+    approved = GoldenImage(golden, stderr, 1 if stderr is None else 8)
+    place = GoldenLocation(Path("/g"), Path("/"), Path("/f"), Path("/"), "tests/test_a.py::test_a")
     verdict = judge(actual, approved, Gates())
     text = page(Failure(name, place, "; ".join(verdict.broken), actual, approved, verdict))
     reader = Reader()

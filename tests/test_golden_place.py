@@ -8,7 +8,7 @@ import pytest
 
 from raytrace.golden import locations as module
 from raytrace.golden.check import Golden
-from raytrace.golden.locations import Place, relative
+from raytrace.golden.locations import GoldenLocation, relative
 
 GREY = np.full((16, 16, 3), 0.5)
 NAMES = [
@@ -31,7 +31,9 @@ NAMES = [
 
 @pytest.fixture
 def place(tmp_path):
-    return Place(tmp_path / "tests" / "golden", tmp_path, tmp_path / "left", tmp_path, "tests/test_a.py::test_a")
+    return GoldenLocation(
+        tmp_path / "tests" / "golden", tmp_path, tmp_path / "left", tmp_path, "tests/test_a.py::test_a"
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -176,9 +176,9 @@ def shown(page):
     return pixels(base64.b64decode(address.partition(",")[2]))[..., :3]
 
 
-def expected(**knobs):
+def expected(**edits):
     twin = rt.show.live("scenes/glass-sphere.json", spp=16)
-    for name, value in knobs.items():
+    for name, value in edits.items():
         setattr(twin, name, value)
     return srgb8(rt.render(twin.scene).rgb)
 

@@ -23,13 +23,13 @@ def test_untouched_it_is_the_same_camera():
     assert turned(CAMERA, 0.0, 0.0, 1.0) is CAMERA
 
 
-@pytest.mark.parametrize("knobs", [(30, 0, 1), (-200, 10, 2), (0, -40, 0.5), (90, 60, 1.5)])
-def test_it_turns_by_what_is_asked_and_looks_at_the_same_point(knobs):
-    before, after = np.array(spherical(CAMERA)), np.array(spherical(turned(CAMERA, *knobs)))
-    azimuth = (after[0] - before[0] - knobs[0] + 180) % 360 - 180
-    np.testing.assert_allclose([azimuth, after[1] - before[1], after[2] / before[2]], [0, *knobs[1:]], atol=1e-12)
-    assert turned(CAMERA, *knobs).look_at is CAMERA.look_at
-    assert turned(CAMERA, *knobs).fov == CAMERA.fov
+@pytest.mark.parametrize("edits", [(30, 0, 1), (-200, 10, 2), (0, -40, 0.5), (90, 60, 1.5)])
+def test_it_turns_by_what_is_asked_and_looks_at_the_same_point(edits):
+    before, after = np.array(spherical(CAMERA)), np.array(spherical(turned(CAMERA, *edits)))
+    azimuth = (after[0] - before[0] - edits[0] + 180) % 360 - 180
+    np.testing.assert_allclose([azimuth, after[1] - before[1], after[2] / before[2]], [0, *edits[1:]], atol=1e-12)
+    assert turned(CAMERA, *edits).look_at is CAMERA.look_at
+    assert turned(CAMERA, *edits).fov == CAMERA.fov
 
 
 @pytest.mark.parametrize("elevation", [400, -400])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from raytrace.golden import store
 from raytrace.golden.gates import Gates, Verdict, judge
-from raytrace.golden.locations import Place
+from raytrace.golden.locations import GoldenLocation
 from raytrace.golden.noise import mean_of
 from raytrace.golden.page import Failure, page
 from raytrace.golden.pixels import Encoding, to_light
@@ -25,7 +25,7 @@ class Golden:
 
     Parameters
     ----------
-    place : Place
+    place : GoldenLocation
     given : mapping of str to float or None
         Gates that differ from the defaults.
     update : bool
@@ -37,7 +37,7 @@ class Golden:
         Goldens written so far.
     """
 
-    def __init__(self, place: Place, given: Mapping[str, float | None], update: bool) -> None:
+    def __init__(self, place: GoldenLocation, given: Mapping[str, float | None], update: bool) -> None:
         self.place, self.given, self.update = place, dict(given), update
         self.written: list[Path] = []
 
@@ -102,22 +102,24 @@ class Golden:
             self._fail(Failure(name, self.place, "; ".join(verdict.broken), actual, golden, verdict))
         return verdict
 
-    def _gates(self, golden: store.Approved, called: Mapping[str, float | None]) -> Gates:
+    def _gates(self, golden: store.GoldenImage, called: Mapping[str, float | None]) -> Gates:
         """Defaults, then pytest's configuration, then the call."""
         configured = Gates()._replace(**self.given)
         if golden.stderr is not None:
             configured = configured._replace(min_ssim=None, max_outliers=None)  # they see noise as well
         return configured._replace(**called)
 
-    def _approved(self, image: Any, actual: NDArray[np.float64], pictures: int, encoding: Encoding) -> store.Approved:
+    def _approved(
+        self, image: Any, actual: NDArray[np.float64], pictures: int, encoding: Encoding
+    ) -> store.GoldenImage:
         """What is written as a golden."""
         if not callable(image):
-            golden = store.Approved(actual, None, 1)
+            golden = store.GoldenImage(actual, None, 1)
         elif pictures < 2:
             raise ValueError(f"pictures: expected 2 or more for a variance, got {pictures}")
         else:
             rgb, stderr = mean_of(image, pictures, lambda picture: to_light(picture, encoding))
-            golden = store.Approved(rgb, stderr, pictures)
+            golden = store.GoldenImage(rgb, stderr, pictures)
         if not (np.abs(golden.rgb) <= np.finfo(np.float32).max).all():
             raise AssertionError("golden: can't save an image with pixels that aren't finite in float32")
         return golden

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.golden.noise import Noise, critical, in_deviations, noise_of
-from raytrace.golden.store import Approved
+from raytrace.golden.store import GoldenImage
 from raytrace.image.files import LUMINANCE
 from raytrace.image.metrics import TILE, Comparison, Limits, compare, level_of, ratio, tile_means, violations
 
@@ -46,7 +46,7 @@ class Verdict(NamedTuple):
         return text + noise
 
 
-def judge(actual: NDArray[np.float64], golden: Approved, gates: Gates) -> Verdict:
+def judge(actual: NDArray[np.float64], golden: GoldenImage, gates: Gates) -> Verdict:
     """Compare a picture with its golden, both (h, w, 3) linear light of the same size."""
     comparison = compare(actual, golden.rgb)
     limits = Limits(
@@ -71,7 +71,7 @@ def judge(actual: NDArray[np.float64], golden: Approved, gates: Gates) -> Verdic
 
 
 def _beyond(
-    comparison: Comparison, difference: NDArray[np.float64], golden: Approved, noise: Noise, alpha: float
+    comparison: Comparison, difference: NDArray[np.float64], golden: GoldenImage, noise: Noise, alpha: float
 ) -> Comparison:
     """Take from the means of channels and tiles what the noise of luminance explains."""
     level = level_of(golden.rgb, difference.size)

@@ -13,7 +13,7 @@ FORBIDDEN = re.compile(r'[\x00-\x1f\\<>:"|?*\x7f]|%(?=[0-9A-F]{2})')  # by some 
 __tracebackhide__ = True  # as in check.py
 
 
-class Place(NamedTuple):
+class GoldenLocation(NamedTuple):
     """Where a test's goldens lie, and where its failures go."""
 
     folder: Path  # of goldens

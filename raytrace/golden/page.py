@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.golden.gates import Verdict
-from raytrace.golden.locations import Place
+from raytrace.golden.locations import GoldenLocation
 from raytrace.golden.noise import in_deviations, noise_of
 from raytrace.golden.spots import Spot, find, largest_channel, scale_of
-from raytrace.golden.store import Approved
+from raytrace.golden.store import GoldenImage
 from raytrace.image.files import LUMINANCE, srgb8
 from raytrace.image.metrics import TILE, Comparison, ssim_map
 
@@ -45,14 +45,14 @@ class Failure(NamedTuple):
     """What went wrong."""
 
     name: str
-    place: Place
+    place: GoldenLocation
     why: str
     actual: NDArray[np.float64]  # (h, w, 3): linear light
-    golden: Approved | None  # None: there is none
+    golden: GoldenImage | None  # None: there is none
     verdict: Verdict | None  # None: there was nothing to compare
 
 
-class Canvas(NamedTuple):
+class Panel(NamedTuple):
     """An image as the page shows it."""
 
     title: str
@@ -63,15 +63,15 @@ class Canvas(NamedTuple):
 def page(failure: Failure) -> str:
     """Write the page."""
     title = f"golden {failure.name}"
-    actual = Canvas("actual", "", srgb8(failure.actual))
+    actual = Panel("actual", "", srgb8(failure.actual))
     figures, numbers, details = [_figure(actual)], "", ""
     if failure.golden is not None:
-        both = [Canvas("expected", "", srgb8(failure.golden.rgb)), actual]
-        figures = [_figure(canvas) for canvas in both]
+        both = [Panel("expected", "", srgb8(failure.golden.rgb)), actual]
+        figures = [_figure(panel) for panel in both]
         if failure.verdict is not None:
             maps, marks = _maps(failure.actual, failure.golden, failure.verdict.comparison)
-            figures = [f'<div class="row swap">{"".join(_figure(canvas, marks) for canvas in both)}</div>']
-            figures += [_figure(canvas, marks) for canvas in maps]
+            figures = [f'<div class="row swap">{"".join(_figure(panel, marks) for panel in both)}</div>']
+            figures += [_figure(panel, marks) for panel in maps]
             details = _details([*both, maps[0]], marks, failure.actual - failure.golden.rgb)
             hint = "<p><small>Click and hold one of the first two to see the other.</small></p>"
             numbers = hint + _table(failure.verdict)
@@ -88,14 +88,14 @@ def page(failure: Failure) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _figure(canvas: Canvas, marks: Sequence[Spot] = (), least: int = WIDTH) -> str:
+def _figure(panel: Panel, marks: Sequence[Spot] = (), least: int = WIDTH) -> str:
     """An image, blown up to at least so many screen pixels by a whole factor, with places marked."""
     from PIL import Image
 
     stream = io.BytesIO()
-    Image.fromarray(canvas.codes).save(stream, "PNG", optimize=True)
+    Image.fromarray(panel.codes).save(stream, "PNG", optimize=True)
     picture = f"data:image/png;base64,{b64encode(stream.getvalue()).decode()}"
-    height, width = canvas.codes.shape[:2]
+    height, width = panel.codes.shape[:2]
     shown = width * max(round(least / width), 1)
     boxes = ""
     for mark in marks:
@@ -103,13 +103,13 @@ def _figure(canvas: Canvas, marks: Sequence[Spot] = (), least: int = WIDTH) -> s
         names = ("left", "top", "width", "height")
         place = ";".join(f"{name}:{100 * value:.4g}%" for name, value in zip(names, numbers, strict=True))
         boxes += f'<i class="mark" title="{escape(mark.title)}" style="{place}"></i>'
-    title = escape(canvas.title)
-    caption = f"<figcaption>{title} <small>{escape(canvas.note) or '&nbsp;'}</small></figcaption>"
+    title = escape(panel.title)
+    caption = f"<figcaption>{title} <small>{escape(panel.note) or '&nbsp;'}</small></figcaption>"
     frame = f'<div class="frame"><img alt="{title}" src="{picture}">{boxes}</div>'
     return f'<figure style="width:{shown}px">{caption}{frame}</figure>'
 
 
-def _details(canvases: Sequence[Canvas], marks: Sequence[Spot], difference: NDArray[np.float64]) -> str:
+def _details(panels: Sequence[Panel], marks: Sequence[Spot], difference: NDArray[np.float64]) -> str:
     """The marked places, enlarged; one that another shows already is not shown again."""
     text, shown = "", list[Spot]()
     for mark in marks:
@@ -122,15 +122,15 @@ def _details(canvases: Sequence[Canvas], marks: Sequence[Spot], difference: NDAr
             for inner in marks
             if region.holds(inner)
         ]
-        cut = (canvas._replace(note="", codes=canvas.codes[region.pixels]) for canvas in canvases)
+        cut = (panel._replace(note="", codes=panel.codes[region.pixels]) for panel in panels)
         off = difference[mark.pixels].mean(axis=(0, 1))
         note = f"row {mark.row}, column {mark.column}; actual - expected {', '.join(f'{value:+.3g}' for value in off)}"
         text += f"<h2>{escape(mark.title)} <small>{note}</small></h2>"
-        text += f'<div class="row">{"".join(_figure(canvas, inside, ENLARGED) for canvas in cut)}</div>'
+        text += f'<div class="row">{"".join(_figure(panel, inside, ENLARGED) for panel in cut)}</div>'
     return text
 
 
-def _maps(actual: NDArray[np.float64], golden: Approved, comparison: Comparison) -> tuple[list[Canvas], list[Spot]]:
+def _maps(actual: NDArray[np.float64], golden: GoldenImage, comparison: Comparison) -> tuple[list[Panel], list[Spot]]:
     """Difference, similarity and, for a noisy picture, the difference in deviations; and the worst places."""
     finite: NDArray[np.bool_] = np.all(np.isfinite(actual), axis=2)
     shown = np.where(finite[..., None], actual, golden.rgb)
@@ -140,7 +140,7 @@ def _maps(actual: NDArray[np.float64], golden: Approved, comparison: Comparison)
     grey = np.clip((similarity - least) / (1 - least), 0, 1)[..., None] * np.ones(3)
     maps = [
         _signed("difference", difference, scale_of(difference, golden.rgb), "(worst channel)", finite),
-        Canvas("SSIM", f"black {least:.3g}, white 1", (255 * grey + 0.5).astype(np.uint8)),
+        Panel("SSIM", f"black {least:.3g}, white 1", (255 * grey + 0.5).astype(np.uint8)),
     ]
     worst = difference
     if golden.stderr is not None:
@@ -150,14 +150,14 @@ def _maps(actual: NDArray[np.float64], golden: Approved, comparison: Comparison)
     return maps, find(worst, finite, comparison)
 
 
-def _signed(title: str, values: NDArray[np.float64], top: float, unit: str, finite: NDArray[np.bool_]) -> Canvas:
+def _signed(title: str, values: NDArray[np.float64], top: float, unit: str, finite: NDArray[np.bool_]) -> Panel:
     """White where equal, blue where darker, orange where brighter."""
     share = np.clip(np.abs(values) / (top or 1.0), 0, 1)[..., None]
     colour = np.where(values[..., None] < 0, DARKER, BRIGHTER)
     rgb8 = (255 + share * (colour - 255.0) + 0.5).astype(np.uint8)
     rgb8[~finite] = NOT_FINITE
     note = f"blue {-top:.3g}, orange {top:.3g} {unit}"
-    return Canvas(title, note + ("" if finite.all() else "; magenta: not finite"), rgb8)
+    return Panel(title, note + ("" if finite.all() else "; magenta: not finite"), rgb8)
 
 
 def _table(verdict: Verdict) -> str:

@@ -49,14 +49,14 @@ def raytrace_golden(request: pytest.FixtureRequest) -> Iterator["Golden"]:
     if find_spec("skimage") is None:
         pytest.fail("the fixture golden needs scikit-image: pip install scikit-image", pytrace=False)
     from raytrace.golden.check import Golden
-    from raytrace.golden.locations import Place, relative
+    from raytrace.golden.locations import GoldenLocation, relative
 
     config, root = request.config, request.config.rootpath
     own = str(config.getini("golden_folder"))
     folder = root / own if own else Path(request.path).parent / "golden"
     here, name = config.invocation_params.dir, request.node.nodeid.partition("::")[2]
     test = f"{relative(request.path, here)}::{name}"
-    place = Place(folder, root, root / str(config.getini("golden_failures")), here, test)
+    place = GoldenLocation(folder, root, root / str(config.getini("golden_failures")), here, test)
     given = {name.removeprefix("golden_"): _limit(config, name) for name in GATES if config.getini(name) is not None}
     golden = Golden(place, given, bool(config.getoption("update_goldens")))
     yield golden

@@ -14,7 +14,7 @@ MAX_PICTURES = 2**31  # that a golden may be the mean of
 PICTURES = "pictures"  # provenance: of how many pictures the golden is the mean
 
 
-class Approved(NamedTuple):
+class GoldenImage(NamedTuple):
     """A golden picture: one picture, or the mean of several that differ by noise."""
 
     rgb: NDArray[np.float64]  # (h, w, 3): linear light
@@ -22,7 +22,7 @@ class Approved(NamedTuple):
     pictures: int  # how many
 
 
-def read(path: Path) -> Approved:
+def read(path: Path) -> GoldenImage:
     """Read a golden file.
 
     Raises
@@ -37,13 +37,13 @@ def read(path: Path) -> Approved:
     if not np.isfinite(rgb).all():
         raise FileError(f"{path}: has pixels that aren't finite; {ANEW}")
     if stderr is None or pictures < 2:
-        return Approved(rgb, None, 1)
+        return GoldenImage(rgb, None, 1)
     if not (stderr >= 0).all() or not np.isfinite(stderr).all():
         raise FileError(f"{path}: has standard errors that are none; {ANEW}")
-    return Approved(rgb, stderr.astype(np.float64), pictures)
+    return GoldenImage(rgb, stderr.astype(np.float64), pictures)
 
 
-def write(path: Path, golden: Approved) -> None:
+def write(path: Path, golden: GoldenImage) -> None:
     """Write a golden file, and a picture for eyes beside it; each appears whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     provenance = {PICTURES: golden.pictures} if golden.pictures > 1 else {}

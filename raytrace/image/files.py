@@ -46,7 +46,7 @@ WHOLE = ("prim_id", "samples")  # int32; the others are float32
 Contents = tuple[dict[str, NDArray[Any]], dict[str, Any]]  # arrays by name, provenance
 
 
-class Picture(NamedTuple):
+class LoadedImage(NamedTuple):
     """What a picture file holds."""
 
     rgb: NDArray[np.float32]  # (h, w, 3) f4, linear radiance, row 0 at the top
@@ -145,7 +145,7 @@ def save(
     return path
 
 
-def load(path: str | os.PathLike[str]) -> Picture:
+def load(path: str | os.PathLike[str]) -> LoadedImage:
     """Read an image: a PNG of up to 8 bits a channel, an EXR with R, G and B, or an NPZ of ours.
 
     Raises
@@ -181,7 +181,7 @@ def load(path: str | os.PathLike[str]) -> Picture:
     except Exception as error:  # libraries raise errors of all kinds for a broken file
         reason = shortened(printable(str(error).partition("\n")[0] or type(error).__name__), MAX_REASON)
         raise FileError(f"{name}: not a whole {suffix[1:].upper()} image: {reason}") from error
-    return Picture(arrays.pop("rgb"), arrays.pop("stderr", None), arrays, provenance)
+    return LoadedImage(arrays.pop("rgb"), arrays.pop("stderr", None), arrays, provenance)
 
 
 def checked(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:

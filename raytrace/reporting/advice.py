@@ -11,7 +11,7 @@ from raytrace.reporting.configurations import Configuration
 from raytrace.reporting.measure import Point
 
 NEGLIGIBLE = 1 / 3  # an error this much smaller than another adds 5 % to it: sqrt(1 + 1/9) = 1.05
-WORSE = 1.05  # times the error of the usual way: said aloud from here on
+WORSE = 1.05  # times the error of the usual configuration: said aloud from here on
 WIDE = 0.5  # of a confidence interval of an order: wider ones are written out
 NICE = 1, 2, 5  # errors that advice is given for, times powers of ten
 Curves = Mapping[Configuration, Sequence[Point]]
@@ -54,16 +54,22 @@ def nice_errors(points: Sequence[Point]) -> list[float]:
 
 
 def _best(curves: Curves, error: float) -> str:
-    """Name the quickest way that a user can choose; in the default precision, where that gets there."""
-    found = {way: need for way, curve in curves.items() if way.usual and (need := needed(curve, error))}
+    """Name the quickest configuration that a user can choose; in the default precision, where that gets there."""
+    found = {
+        configuration: need
+        for configuration, curve in curves.items()
+        if configuration.usual and (need := needed(curve, error))
+    }
     default = next(iter(curves)).precision
-    found = {way: need for way, need in found.items() if way.precision == default} or found
+    found = {
+        configuration: need for configuration, need in found.items() if configuration.precision == default
+    } or found
     if not found:
         return ""
-    way = min(found, key=lambda way: found[way][1])
-    spp, seconds = found[way]
-    sampler = f"{way.sampler}, adaptive" if way.adaptive else way.sampler
-    used = f"{math.ceil(spp - 1e-9)} spp, {way.precision}"  # 64.0000000001 is 64
+    configuration = min(found, key=lambda configuration: found[configuration][1])
+    spp, seconds = found[configuration]
+    sampler = f"{configuration.sampler}, adaptive" if configuration.adaptive else configuration.sampler
+    used = f"{math.ceil(spp - 1e-9)} spp, {configuration.precision}"  # 64.0000000001 is 64
     return f"For RMSE {error:g} on this scene: {sampler}, {used}, {seconds:{'.2f' if seconds >= 0.1 else '.2g'}} s"
 
 
@@ -80,7 +86,7 @@ def _precisions(curves: Curves, orders: Sequence[Order], gaps: Mapping[int, floa
     if ratio is None:
         return ""
     cost = f"float64 costs {ratio:.2g}x"
-    fits = {fit.way: fit for fit in orders}
+    fits = {fit.configuration: fit for fit in orders}
     fit = fits.get(Configuration("sobol", "float64")) or fits.get(Configuration("sobol", "float32"))
     if not gaps or not fit:
         return cost
@@ -112,8 +118,8 @@ def two_digits(number: float) -> str:
 
 
 def _samplers(orders: Sequence[Order]) -> list[str]:
-    default = [fit for fit in orders if fit.way.precision == orders[0].way.precision]
-    texts = [f"{fit.way.sampler} as spp^{fit.order:.2f}{_uncertainty(fit)}" for fit in default]
+    default = [fit for fit in orders if fit.configuration.precision == orders[0].configuration.precision]
+    texts = [f"{fit.configuration.sampler} as spp^{fit.order:.2f}{_uncertainty(fit)}" for fit in default]
     return [f"The error shrinks: {', '.join(texts)}"] if texts else []
 
 
@@ -127,12 +133,12 @@ def _uncertainty(fit: Order) -> str:
 def _costs(curves: Curves) -> list[str]:
     names = {"median": "a median split", "none": "no tree"}
     texts = []
-    for way, curve in curves.items():
-        usual = curves.get(way._replace(triangle="watertight", tree="sah"))
-        if way.usual or not usual or (ratio := _ratio(curve, usual)) is None:
+    for configuration, curve in curves.items():
+        usual = curves.get(configuration._replace(triangle="watertight", tree="sah"))
+        if configuration.usual or not usual or (ratio := _ratio(curve, usual)) is None:
             continue
         known = {point.step: point.rmse_srgb for point in usual}
         worse = max((p.rmse_srgb / known[p.step] for p in curve if known.get(p.step)), default=1.0)
-        what = names.get(way.tree, way.triangle)
+        what = names.get(configuration.tree, configuration.triangle)
         texts.append(f"{what} costs {ratio:.2g}x" + (f" and errs {worse:.2g}x as much" if worse > WORSE else ""))
-    return [f"Beside the usual way, {', '.join(texts)}"] if texts else []
+    return [f"Beside the usual configuration, {', '.join(texts)}"] if texts else []

@@ -15,9 +15,9 @@ TIE = 0.01  # relative difference of errors that means nothing
 
 
 class Order(NamedTuple):
-    """Error ~ spp^order, fitted to a way's points."""
+    """Error ~ spp^order, fitted to a configuration's points."""
 
-    way: Configuration
+    configuration: Configuration
     order: float
     low: float  # of the confidence interval; NaN with two points
     high: float
@@ -25,12 +25,12 @@ class Order(NamedTuple):
     points: int
 
 
-def fit_order(way: Configuration, spp: Sequence[float], error: Sequence[float]) -> Order:
+def fit_order(configuration: Configuration, spp: Sequence[float], error: Sequence[float]) -> Order:
     """Fit a straight line to log error against log spp, by least squares.
 
     Parameters
     ----------
-    way : Way
+    configuration : Configuration
     spp, error : sequence of float
         Positive; at least two different numbers of samples.
 
@@ -41,7 +41,7 @@ def fit_order(way: Configuration, spp: Sequence[float], error: Sequence[float]) 
 
     Examples
     --------
-    >>> fit = fit_order(Way("sobol", "float32"), [1, 4, 16], [0.8, 0.2, 0.05])
+    >>> fit = fit_order(Configuration("sobol", "float32"), [1, 4, 16], [0.8, 0.2, 0.05])
     >>> round(fit.order, 3), round(fit.at_one, 3)
     (-1.0, 0.8)
     """
@@ -55,26 +55,28 @@ def fit_order(way: Configuration, spp: Sequence[float], error: Sequence[float]) 
 
         rest = y - start - slope * x
         half = float(stdtrit(len(x) - 2, (1 + CONFIDENCE) / 2) * math.sqrt(rest @ rest / (len(x) - 2) / (dx @ dx)))
-    return Order(way, slope, slope - half, slope + half, math.exp(start), len(x))
+    return Order(configuration, slope, slope - half, slope + half, math.exp(start), len(x))
 
 
 def curves_of(points: Iterable[Point]) -> dict[Configuration, list[Point]]:
-    """Points of each way, from cheap to dear."""
+    """Points of each configuration, from cheap to dear."""
     curves: dict[Configuration, list[Point]] = {}
     for point in points:
-        curves.setdefault(point.way, []).append(point)
+        curves.setdefault(point.configuration, []).append(point)
     return curves
 
 
 def orders_of(points: Iterable[Point]) -> list[Order]:
-    """Orders of convergence on a screen, of the usual ways with three points or more; adaptive sampling has none."""
+    """Orders of convergence (sRGB) of the usual configurations with at least three points; adaptive sampling has none."""
     orders = []
-    for way, curve in curves_of(points).items():
-        if not way.usual or way.adaptive:  # the samples, and so the order, are those of the usual way
+    for configuration, curve in curves_of(points).items():
+        if (
+            not configuration.usual or configuration.adaptive
+        ):  # the samples, and so the order, are those of the usual configuration
             continue
         good = [point for point in curve if point.rmse_srgb > 0.0]
         if len({point.spp for point in good}) > 2:
-            orders.append(fit_order(way, [p.spp for p in good], [p.rmse_srgb for p in good]))
+            orders.append(fit_order(configuration, [p.spp for p in good], [p.rmse_srgb for p in good]))
     return orders
 
 
@@ -93,9 +95,9 @@ def pareto(points: Sequence[Point]) -> list[bool]:
 
 
 def needed(curve: Sequence[Point], error: float) -> tuple[float, float] | None:
-    """Samples per pixel and seconds that a way needs for an error: of a point, or between two points.
+    """Samples per pixel and seconds that a configuration needs for an error: of a point, or between two points.
 
-    The quickest of all; between points, both axes are logarithmic. None where the way never gets there.
+    The quickest of all; between points, both axes are logarithmic. None where the configuration never gets there.
     """
     measured = [(point.spp, point.seconds) for point in curve if point.rmse_srgb <= error]
     between = None if curve[0].rmse_srgb <= error else _between(curve, error)

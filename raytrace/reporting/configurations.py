@@ -1,4 +1,4 @@
-"""The ways of drawing a scene that the report on speed and error compares."""
+"""The configurations of drawing a scene that the report on speed and error compares."""
 
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from raytrace.scene.plan import make_plan
 
 SAMPLERS = "sobol", "stratified", "independent"
 SPP = tuple(1 << k for k in range(9))  # 1 .. 256 samples per pixel
-FEW_SPP = 4, 16, 64  # of the ways that differ in speed alone, or are wrong at any number
+FEW_SPP = 4, 16, 64  # of the configurations that differ in speed alone, or are wrong at any number
 TARGETS = 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001  # errors that adaptive sampling is asked for
 ADAPTIVE_CAP = 4096  # most samples per pixel that it may take
 FEW_TRIANGLES = 4096  # up to so many are tested without a tree as well
@@ -25,7 +25,7 @@ FAR = 1e3  # boxes of a tree that tells nothing: so many times the largest coord
 
 
 class Configuration(NamedTuple):
-    """One way of drawing, at any number of samples."""
+    """One configuration of drawing, at any number of samples."""
 
     sampler: str  # "sobol", "stratified" or "independent"
     precision: str  # "float32" or "float64"
@@ -35,14 +35,14 @@ class Configuration(NamedTuple):
 
     @property
     def usual(self) -> bool:
-        """Whether rays are traced as they always are: only such ways can be chosen when a scene is drawn."""
+        """Whether rays are traced as they always are: only such configurations can be chosen when a scene is drawn."""
         return (self.triangle, self.tree) == ("watertight", "sah")
 
     @property
     def name(self) -> str:
         """What to call it in tables.
 
-        >>> Way("sobol", "float32", tree="none").name
+        >>> Configuration("sobol", "float32", tree="none").name
         'sobol, float32, no tree'
         """
         extra = [self.triangle] if self.triangle != "watertight" else []
@@ -50,39 +50,42 @@ class Configuration(NamedTuple):
         return ", ".join([self.sampler, *(["adaptive"] if self.adaptive else []), self.precision, *extra])
 
 
-def ways_of(scene: Scene) -> list[Configuration]:
+def configurations_of(scene: Scene) -> list[Configuration]:
     """Ways that make sense for a scene; the first is how it is drawn by default."""
     first = make_plan(scene).precision.name
     other = "float64" if first == "float32" else "float32"
-    ways = [Configuration(sampler, first) for sampler in SAMPLERS]
-    ways += [Configuration("sobol", other), Configuration("sobol", first, adaptive=True)]
-    ways += [Configuration("sobol", first, triangle="moller-trumbore"), Configuration("sobol", first, tree="median")]
+    configurations = [Configuration(sampler, first) for sampler in SAMPLERS]
+    configurations += [Configuration("sobol", other), Configuration("sobol", first, adaptive=True)]
+    configurations += [
+        Configuration("sobol", first, triangle="moller-trumbore"),
+        Configuration("sobol", first, tree="median"),
+    ]
     if len(scene.mesh.faces) <= FEW_TRIANGLES:
-        ways.append(Configuration("sobol", first, tree="none"))
-    return ways
+        configurations.append(Configuration("sobol", first, tree="none"))
+    return configurations
 
 
-def steps_of(way: Configuration) -> tuple[float, ...]:
+def steps_of(configuration: Configuration) -> tuple[float, ...]:
     """Samples per pixel, or errors that adaptive sampling aims at, from cheap to dear."""
-    if way.adaptive:
+    if configuration.adaptive:
         return TARGETS
-    return SPP if way.usual else FEW_SPP
+    return SPP if configuration.usual else FEW_SPP
 
 
-def weight_of(way: Configuration, step: float) -> float:
+def weight_of(configuration: Configuration, step: float) -> float:
     """How much work a step is, beside others: samples per pixel, or a guess of them."""
-    return max(TARGETS[0] / step, FEW_SPP[0]) if way.adaptive else step
+    return max(TARGETS[0] / step, FEW_SPP[0]) if configuration.adaptive else step
 
 
-class Subject:
-    """A scene that is drawn in one of the ways, on a tree of its own."""
+class ConfiguredScene:
+    """A scene that is drawn in one of the configurations, on a tree of its own."""
 
-    def __init__(self, scene: Scene, way: Configuration, size: tuple[int, int]) -> None:
-        self.way, self.size = way, size
+    def __init__(self, scene: Scene, configuration: Configuration, size: tuple[int, int]) -> None:
+        self.configuration, self.size = configuration, size
         self.scene = replace(scene)  # another object, so that its stage is another one
-        split = "median" if way.tree == "median" else "sah"
-        stage = compile_scene(scene, make_plan(scene), way.precision, split, way.triangle)
-        if way.tree == "none":
+        split = "median" if configuration.tree == "median" else "sah"
+        stage = compile_scene(scene, make_plan(scene), configuration.precision, split, configuration.triangle)
+        if configuration.tree == "none":
             for bvh in _trees(stage):
                 _forget_boxes(bvh, _reach(scene))
         set_compiled(self.scene, stage)
@@ -90,8 +93,12 @@ class Subject:
 
     def draw(self, step: float, seed: int) -> Render:
         """Draw one picture."""
-        aim = {"spp": ADAPTIVE_CAP, "target_error": step} if self.way.adaptive else {"spp": int(step)}
-        how: dict[str, Any] = {"precision": self.way.precision, "sampler": self.way.sampler, "progress": False}
+        aim = {"spp": ADAPTIVE_CAP, "target_error": step} if self.configuration.adaptive else {"spp": int(step)}
+        how: dict[str, Any] = {
+            "precision": self.configuration.precision,
+            "sampler": self.configuration.sampler,
+            "progress": False,
+        }
         return render(self.scene, size=self.size, seed=seed, **how, **aim)
 
 

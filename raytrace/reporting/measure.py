@@ -1,4 +1,4 @@
-"""Measuring ways of drawing: several rounds, interleaved, within a time."""
+"""Measuring configurations of drawing: several rounds, interleaved, within a time."""
 
 import time
 import tracemalloc
@@ -13,20 +13,20 @@ from raytrace.image.metrics import Comparison, compare, screen
 from raytrace.limits import MAX_SEED
 from raytrace.records import Scene
 from raytrace.rendering.result import Render
-from raytrace.reporting.configurations import Configuration, Subject, steps_of, weight_of
+from raytrace.reporting.configurations import Configuration, ConfiguredScene, steps_of, weight_of
 from raytrace.reporting.reference import Reference
 
 ROUNDS = 3  # pictures of each point, each with a seed of its own, one after the other in rounds over all points
 JUDGED = 3.0  # times the reference's own error: smaller ones would be overstated by more than sqrt(1 + 1/9), 5 %
-FIRST_SPP = 8  # of the first picture in a way: from here on batches are full, and memory grows no more
+FIRST_SPP = 8  # of the first picture in a configuration: from here on batches are full, and memory grows no more
 SHOWN_SPP = 1, 16, 256  # samples per pixel of the pictures that are kept to be looked at
 GROWTH = 4.0  # how much longer adaptive sampling may take to the next target: errors that shrink as 1 / sqrt(time)
 
 
 class Point(NamedTuple):
-    """One way at one number of samples; errors are means over the rounds."""
+    """One configuration at one number of samples; errors are means over the rounds."""
 
-    way: Configuration
+    configuration: Configuration
     step: float  # samples per pixel, or the error that adaptive sampling aimed at
     spp: float  # samples per pixel, mean over the film
     times: tuple[float, ...]  # s, of each round
@@ -56,9 +56,9 @@ class Point(NamedTuple):
 
 
 class First(NamedTuple):
-    """The first picture in a way: with compilation or its cache, and the tree."""
+    """The first picture in a configuration: with compilation or its cache, and the tree."""
 
-    way: Configuration
+    configuration: Configuration
     seconds: float
     compile_seconds: float
     again: float  # s: the same picture once more
@@ -87,7 +87,7 @@ class Measured(NamedTuple):
 class _Task:
     """One point while it is measured."""
 
-    def __init__(self, subject: Subject, step: float, peak: int) -> None:
+    def __init__(self, subject: ConfiguredScene, step: float, peak: int) -> None:
         self.subject, self.step, self.peak = subject, step, peak
         self.times: list[float] = []
         self.whole: list[float] = []  # s: with the comparison
@@ -99,7 +99,7 @@ class _Task:
         squares = np.mean([[e.rmse**2, e.rmse_srgb**2] for e in self.errors], axis=0)
         bias = np.mean([e.bias for e in self.errors], axis=0)
         return Point(
-            way=self.subject.way,
+            configuration=self.subject.configuration,
             step=self.step,
             spp=self.spp,
             times=tuple(self.times),
@@ -115,7 +115,7 @@ class _Task:
 
 
 class Sweep:
-    """Measures ways of drawing a scene against a reference.
+    """Measures configurations of drawing a scene against a reference.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class Sweep:
     progress : callable
         Is told the share that is done and the rays traced.
     make : callable
-        Gives what draws the scene in a way, with the methods of ``Subject``.
+        Gives what draws the scene in a configuration, with the methods of ``ConfiguredScene``.
     """
 
     def __init__(
@@ -137,7 +137,7 @@ class Sweep:
         reference: Reference,
         seconds: float,
         progress: Callable[[float, int], None],
-        make: Callable[[Scene, Configuration, tuple[int, int]], Any] = Subject,
+        make: Callable[[Scene, Configuration, tuple[int, int]], Any] = ConfiguredScene,
     ) -> None:
         self.scene, self.size, self.reference, self.progress, self.make = scene, size, reference, progress, make
         self.end = time.perf_counter() + seconds
@@ -149,33 +149,38 @@ class Sweep:
         self._twins: dict[int, NDArray[np.float32]] = {}
         self._rays, self._done, self._total = 0, 0.0, 1.0
 
-    def run(self, ways: Sequence[Configuration]) -> Measured:
+    def run(self, configurations: Sequence[Configuration]) -> Measured:
         """Measure what there is time for."""
         interrupted = False
-        self._total = ROUNDS * sum(weight_of(way, step) for way in ways for step in steps_of(way))
+        self._total = ROUNDS * sum(
+            weight_of(configuration, step) for configuration in configurations for step in steps_of(configuration)
+        )
         try:
-            subjects = [subject for way in ways if (subject := self._first(way))]
+            subjects = [subject for configuration in configurations if (subject := self._first(configuration))]
             self._first_round(subjects)
             for number in range(1, ROUNDS):
                 for task in self.tasks:
                     self._draw(task, number)
         except KeyboardInterrupt:
             interrupted = True
-        measured = sorted((task for task in self.tasks if task.errors), key=lambda task: ways.index(task.subject.way))
+        measured = sorted(
+            (task for task in self.tasks if task.errors),
+            key=lambda task: configurations.index(task.subject.configuration),
+        )
         points = tuple(task.point() for task in measured)
         left_out = tuple((f"{name}: {', '.join(steps)}", why) for name, (steps, why) in self.left_out.items())
         return Measured(points, tuple(self.firsts), tuple(self.shown), self.gaps, left_out, interrupted)
 
     # --- parts --------------------------------------------------------------------------------------------------------
 
-    def _first(self, way: Configuration) -> Subject | None:
-        """Draw a way's first picture: what it compiles and allocates is seen here, and its speed guessed."""
+    def _first(self, configuration: Configuration) -> ConfiguredScene | None:
+        """Draw a configuration's first picture: what it compiles and allocates is seen here, and its speed guessed."""
         if time.perf_counter() > self.end:
-            self._leave_out(way, steps_of(way), self._late())
+            self._leave_out(configuration, steps_of(configuration), self._late())
             return None
         began = time.perf_counter()
-        subject: Subject = self.make(self.scene, way, self.size)
-        step = steps_of(way)[0] if way.adaptive else FIRST_SPP
+        subject: ConfiguredScene = self.make(self.scene, configuration, self.size)
+        step = steps_of(configuration)[0] if configuration.adaptive else FIRST_SPP
         compiling = float(_whole(subject.draw(step, self._seed(0))).stats["compile_seconds"])
         warm = time.perf_counter()
         self.end += compiling
@@ -185,40 +190,44 @@ class Sweep:
             peak = tracemalloc.get_traced_memory()[1] + subject.table_bytes
         finally:
             tracemalloc.stop()
-        self.firsts.append(First(way, warm - began, compiling, time.perf_counter() - warm, peak))
+        self.firsts.append(First(configuration, warm - began, compiling, time.perf_counter() - warm, peak))
         self._tell()
         return subject
 
-    def _first_round(self, subjects: Sequence[Subject]) -> None:
+    def _first_round(self, subjects: Sequence[ConfiguredScene]) -> None:
         """Draw each point once, from few samples to many, as long as there is time for all its rounds."""
-        peaks = {first.way: first.peak_bytes for first in self.firsts}
-        rates = {first.way: first.again / FIRST_SPP for first in self.firsts}
-        order = [(weight_of(s.way, step), i) for i, s in enumerate(subjects) for step in steps_of(s.way)]
-        steps = {s.way: iter(steps_of(s.way)) for s in subjects}
+        peaks = {first.configuration: first.peak_bytes for first in self.firsts}
+        rates = {first.configuration: first.again / FIRST_SPP for first in self.firsts}
+        order = [
+            (weight_of(s.configuration, step), i) for i, s in enumerate(subjects) for step in steps_of(s.configuration)
+        ]
+        steps = {s.configuration: iter(steps_of(s.configuration)) for s in subjects}
         closed: dict[Configuration, str] = {}
         last: dict[Configuration, _Task] = {}
-        for _, i in sorted(order):  # the same number of samples in all ways one after the other
-            subject, way = subjects[i], subjects[i].way
-            step = next(steps[way])
-            if way in last:
-                grown = GROWTH if way.adaptive else step / last[way].step
-                forecast = grown * last[way].times[0] + last[way].whole[0] - last[way].times[0]
+        for _, i in sorted(order):  # the same number of samples in all configurations one after the other
+            subject, configuration = subjects[i], subjects[i].configuration
+            step = next(steps[configuration])
+            if configuration in last:
+                grown = GROWTH if configuration.adaptive else step / last[configuration].step
+                forecast = (
+                    grown * last[configuration].times[0] + last[configuration].whole[0] - last[configuration].times[0]
+                )
             else:
-                forecast = rates[way] * (FIRST_SPP if way.adaptive else step)
-            if way not in closed and time.perf_counter() + self._owed() + ROUNDS * forecast > self.end:
-                closed[way] = self._late()
-            if way in closed:
-                self._leave_out(way, [step], closed[way])
+                forecast = rates[configuration] * (FIRST_SPP if configuration.adaptive else step)
+            if configuration not in closed and time.perf_counter() + self._owed() + ROUNDS * forecast > self.end:
+                closed[configuration] = self._late()
+            if configuration in closed:
+                self._leave_out(configuration, [step], closed[configuration])
                 continue
-            before = last.get(way)
-            last[way] = task = _Task(subject, step, peaks[way])
+            before = last.get(configuration)
+            last[configuration] = task = _Task(subject, step, peaks[configuration])
             self._draw(task, 0)
             if task.errors[0].rmse_srgb < JUDGED * self.reference.error:
-                closed[way] = self._unjudged()
-                self._done -= weight_of(way, step)
-                self._leave_out(way, [step], closed[way])
+                closed[configuration] = self._unjudged()
+                self._done -= weight_of(configuration, step)
+                self._leave_out(configuration, [step], closed[configuration])
                 continue
-            if way.adaptive and before and before.errors == task.errors:
+            if configuration.adaptive and before and before.errors == task.errors:
                 self._forget(before)
             self.tasks.append(task)
 
@@ -236,12 +245,12 @@ class Sweep:
             self._pair(task, image)
         task.whole.append(time.perf_counter() - began - compiling)
         self._rays += task.rays
-        self._done += weight_of(task.subject.way, task.step)
+        self._done += weight_of(task.subject.configuration, task.step)
         self._tell()
 
     def _show(self, task: _Task, image: Render) -> None:
-        way = task.subject.way
-        if way.adaptive or task.step in SHOWN_SPP:
+        configuration = task.subject.configuration
+        if configuration.adaptive or task.step in SHOWN_SPP:
             error = np.abs(screen(image.rgb) - screen(self.reference.rgb)).max(axis=2)
             self.shown.append(Shown(_name(task), srgb8(image.rgb), error.astype(np.float32)))
 
@@ -249,12 +258,12 @@ class Sweep:
         """Drop an error that was aimed at where a smaller one gave the same picture: both are met at once."""
         self.tasks.remove(task)
         self.shown = [shown for shown in self.shown if shown.name != _name(task)]
-        self._done += (ROUNDS - 1) * weight_of(task.subject.way, task.step)
+        self._done += (ROUNDS - 1) * weight_of(task.subject.configuration, task.step)
 
     def _pair(self, task: _Task, image: Render) -> None:
         """Compare both precisions where they drew the same samples."""
-        way, spp = task.subject.way, int(task.step)
-        if way.sampler == "sobol" and way.usual and not way.adaptive:
+        configuration, spp = task.subject.configuration, int(task.step)
+        if configuration.sampler == "sobol" and configuration.usual and not configuration.adaptive:
             twin = self._twins.pop(spp, None)
             if twin is None:
                 self._twins[spp] = image.rgb
@@ -273,11 +282,11 @@ class Sweep:
     def _tell(self) -> None:
         self.progress(self._done / self._total, self._rays)
 
-    def _leave_out(self, way: Configuration, steps: Sequence[float], why: str) -> None:
-        unit = "error " if way.adaptive else ""
-        texts = [f"{unit}{step:g}{'' if way.adaptive else ' spp'}" for step in steps]
-        self.left_out.setdefault(way.name, ([], why))[0].extend(texts)
-        self._done += ROUNDS * sum(weight_of(way, step) for step in steps)
+    def _leave_out(self, configuration: Configuration, steps: Sequence[float], why: str) -> None:
+        unit = "error " if configuration.adaptive else ""
+        texts = [f"{unit}{step:g}{'' if configuration.adaptive else ' spp'}" for step in steps]
+        self.left_out.setdefault(configuration.name, ([], why))[0].extend(texts)
+        self._done += ROUNDS * sum(weight_of(configuration, step) for step in steps)
 
     def _late(self) -> str:
         return "no time was left for it; a larger budget has some"
@@ -288,8 +297,8 @@ class Sweep:
 
 
 def _name(task: _Task) -> str:
-    way = task.subject.way
-    return f"{way.name}, " + (f"error {task.step:g}" if way.adaptive else f"{task.step:g} spp")
+    configuration = task.subject.configuration
+    return f"{configuration.name}, " + (f"error {task.step:g}" if configuration.adaptive else f"{task.step:g} spp")
 
 
 def _whole(image: Render) -> Render:

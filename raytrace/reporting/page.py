@@ -130,9 +130,9 @@ def _notes(report: Any) -> str:
     parts = [f"<h2>How it was measured</h2><p>{escape(report.reference_text)}</p>"]
     if report.orders:
         parts.append("<p>Order of convergence, on a screen:</p>")
-        parts.append(items([f"{order.way.name}: {order_text(order)}" for order in report.orders]))
+        parts.append(items([f"{order.configuration.name}: {order_text(order)}" for order in report.orders]))
     parts.append("<p>First pictures, with compilation or its cache:</p>")
-    parts.append(items([f"{first.way.name}: {first.seconds:.2f} s" for first in report.firsts]))
+    parts.append(items([f"{first.configuration.name}: {first.seconds:.2f} s" for first in report.firsts]))
     if report.left_out:
         parts.append("<p>Left out:</p>" + items([f"{what}: {why}" for what, why in report.left_out]))
     machine = ", ".join(f"{name} {value}" for name, value in report.machine.items())

@@ -82,19 +82,19 @@ def _scale(axes: Any, points: Sequence[Point], title: str, x_label: str) -> None
             axis.set_minor_formatter(NullFormatter())
 
 
-def _look(way: Configuration) -> dict[str, Any]:
+def _look(configuration: Configuration) -> dict[str, Any]:
     """Colour: sampler; dashes and markers: what else is unusual."""
     dashes, marker = "-", "o"
-    if way.adaptive:
+    if configuration.adaptive:
         dashes, marker = "-", "*"
-    elif way.precision == "float64":
+    elif configuration.precision == "float64":
         dashes, marker = "--", "s"
-    if way.triangle != "watertight":
+    if configuration.triangle != "watertight":
         dashes, marker = ":", "^"
-    if way.tree != "sah":
-        dashes, marker = ":", {"median": "v", "none": "X"}[way.tree]
+    if configuration.tree != "sah":
+        dashes, marker = ":", {"median": "v", "none": "X"}[configuration.tree]
     return {
-        "color": "#cc79a7" if way.adaptive else COLOURS.get(way.sampler, OTHER),
+        "color": "#cc79a7" if configuration.adaptive else COLOURS.get(configuration.sampler, OTHER),
         "linestyle": dashes,
         "marker": marker,
     }
@@ -102,8 +102,14 @@ def _look(way: Configuration) -> dict[str, Any]:
 
 def _against_time(points: Sequence[Point], front: Sequence[bool], title: str, axes: Any) -> None:
     _scale(axes, points, title, "seconds a picture")
-    for way, curve in curves_of(points).items():
-        axes.plot([p.seconds for p in curve], [p.rmse_srgb for p in curve], label=way.name, markersize=6, **_look(way))
+    for configuration, curve in curves_of(points).items():
+        axes.plot(
+            [p.seconds for p in curve],
+            [p.rmse_srgb for p in curve],
+            label=configuration.name,
+            markersize=6,
+            **_look(configuration),
+        )
     best = sorted((p.seconds, p.rmse_srgb) for p, kept in zip(points, front, strict=True) if kept)
     x, y = zip(*best, strict=True)
     axes.step(x, y, where="post", color="black", linewidth=5, alpha=0.15, label="Pareto front", zorder=0)
@@ -112,17 +118,22 @@ def _against_time(points: Sequence[Point], front: Sequence[bool], title: str, ax
 
 
 def against_samples(points: Sequence[Point], orders: Sequence[Order], title: str, axes: Any) -> None:
-    """Draw error against samples on matplotlib's axes, with a fitted line for each way."""
+    """Draw error against samples on matplotlib's axes, with a fitted line for each configuration."""
     _scale(axes, points, title, "samples per pixel")
-    fits = {order.way: order for order in orders}
-    for way, curve in curves_of(points).items():
-        label = way.name + (f": spp^{fits[way].order:.2f}" if way in fits else "")
-        look = _look(way)
-        line = look["linestyle"] if way.adaptive else ""
+    fits = {order.configuration: order for order in orders}
+    for configuration, curve in curves_of(points).items():
+        label = configuration.name + (f": spp^{fits[configuration].order:.2f}" if configuration in fits else "")
+        look = _look(configuration)
+        line = look["linestyle"] if configuration.adaptive else ""
         axes.plot([p.spp for p in curve], [p.rmse_srgb for p in curve], label=label, **look | {"linestyle": line})
-        if way in fits:
+        if configuration in fits:
             x = np.array([min(p.spp for p in curve), max(p.spp for p in curve)])
-            axes.plot(x, fits[way].at_one * x ** fits[way].order, color=look["color"], linestyle=look["linestyle"])
+            axes.plot(
+                x,
+                fits[configuration].at_one * x ** fits[configuration].order,
+                color=look["color"],
+                linestyle=look["linestyle"],
+            )
     axes.legend(fontsize=10)
 
 

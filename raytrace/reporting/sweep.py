@@ -18,7 +18,7 @@ from raytrace.rendering.options import override
 from raytrace.rendering.progress import Progress
 from raytrace.reporting.advice import advice
 from raytrace.reporting.analysis import Order, orders_of, pareto
-from raytrace.reporting.configurations import ways_of
+from raytrace.reporting.configurations import configurations_of
 from raytrace.reporting.measure import First, Measured, Point, Shown, Sweep
 from raytrace.reporting.page import page
 from raytrace.reporting.plots import check_matplotlib, plots
@@ -38,13 +38,13 @@ class Report:
     Attributes
     ----------
     points : tuple of Point
-        What was measured, a way of drawing at a number of samples each.
+        What was measured, a configuration of drawing at a number of samples each.
     front : tuple of bool
         Whether each of them lies on the Pareto front of time and error.
     orders : tuple of Order
-        Order of convergence of each way, with its confidence interval.
+        Order of convergence of each configuration, with its confidence interval.
     firsts : tuple of First
-        The first picture in each way, compilation included.
+        The first picture in each configuration, compilation included.
     advice : tuple of str
         Sentences computed from all this.
     left_out : tuple of (str, str)
@@ -152,7 +152,9 @@ def report(
         truth = read_reference(Path(reference), size)
     teller.begin_sweep()
     seconds = budget - (truth.seconds if truth.origin == "drawn" else 0.0)
-    found = Sweep(scene, size, truth, max(seconds, (1 - FOR_REFERENCE) * budget), teller.sweep).run(ways_of(scene))
+    found = Sweep(scene, size, truth, max(seconds, (1 - FOR_REFERENCE) * budget), teller.sweep).run(
+        configurations_of(scene)
+    )
     if not found.points:
         if found.interrupted:
             raise KeyboardInterrupt

@@ -18,7 +18,7 @@ def cells(point: Point, front: bool) -> list[str]:
     """One row of the table."""
     bias = max(point.bias, key=abs)
     return [
-        point.way.name,
+        point.configuration.name,
         f"{point.spp:.4g}",
         f"{point.seconds:.3g}",
         f"{point.rays_per_second / 1e6:.1f}",
@@ -43,7 +43,7 @@ def lay_out(rows: list[list[str]]) -> str:
 def order_text(order: Order) -> str:
     """Write an order of convergence with its interval.
 
-    >>> order_text(Order(Way("sobol", "float32"), -0.751, -0.8, -0.7, 0.1, 9))
+    >>> order_text(Order(Configuration("sobol", "float32"), -0.751, -0.8, -0.7, 0.1, 9))
     'error ~ spp^-0.751 (95 %: -0.800 .. -0.700)'
     """
     interval = "unknown" if math.isnan(order.low) else f"{order.low:.3f} .. {order.high:.3f}"
@@ -57,11 +57,11 @@ def text(report: Any) -> str:
     header, *lines = lay_out(rows).splitlines()
     table = [header]
     for k, (point, line) in enumerate(zip(report.points, lines, strict=True)):
-        if k == 0 or point.way != report.points[k - 1].way:
-            table.append(point.way.name)
+        if k == 0 or point.configuration != report.points[k - 1].configuration:
+            table.append(point.configuration.name)
         table.append(line)
-    orders = [[order.way.name, order_text(order)] for order in report.orders]
-    firsts = [[first.way.name, f"{first.seconds:.2f} s, {first.compile_seconds:.2f} s of them compiling"]
+    orders = [[order.configuration.name, order_text(order)] for order in report.orders]
+    firsts = [[first.configuration.name, f"{first.seconds:.2f} s, {first.compile_seconds:.2f} s of them compiling"]
               for first in report.firsts]  # fmt: skip
     parts = ["\n".join(table), LEGEND, report.reference_text]
     parts += [_list("order of convergence, on a screen", orders), _list("first picture", firsts)]
@@ -99,15 +99,15 @@ def as_json(report: Any) -> dict[str, Any]:
     return plain
 
 
-def _way(way: Configuration) -> dict[str, Any]:
-    return {"name": way.name, **way._asdict()}
+def _configuration(configuration: Configuration) -> dict[str, Any]:
+    return {"name": configuration.name, **configuration._asdict()}
 
 
 def _point(point: Point, front: bool) -> dict[str, Any]:
-    numbers = {name: value for name, value in point._asdict().items() if name not in ("way", "step", "times")}
-    target = point.step if point.way.adaptive else None
+    numbers = {name: value for name, value in point._asdict().items() if name not in ("configuration", "step", "times")}
+    target = point.step if point.configuration.adaptive else None
     return {
-        "way": _way(point.way),
+        "way": _configuration(point.configuration),
         "target_error": target,
         **numbers,
         "bias": list(point.bias),
@@ -120,12 +120,21 @@ def _point(point: Point, front: bool) -> dict[str, Any]:
 
 
 def _first(first: First) -> dict[str, Any]:
-    return {"way": _way(first.way), "seconds": first.seconds, "compile_seconds": first.compile_seconds}
+    return {
+        "way": _configuration(first.configuration),
+        "seconds": first.seconds,
+        "compile_seconds": first.compile_seconds,
+    }
 
 
 def _order(order: Order) -> dict[str, Any]:
     fitted = {"order": order.order, "low": order.low, "high": order.high}
-    return {"way": _way(order.way), **fitted, "error_at_1_spp": order.at_one, "points": order.points}
+    return {
+        "way": _configuration(order.configuration),
+        **fitted,
+        "error_at_1_spp": order.at_one,
+        "points": order.points,
+    }
 
 
 def _plain(value: Any) -> Any:

@@ -21,7 +21,7 @@ PAUSE = 0.2  # s between two frames of the same scene: they come with ever more 
 QUALITY = 85  # of JPEG, while the picture isn't done: an eighth of the bytes of a PNG
 
 
-class Frame(NamedTuple):
+class EncodedImage(NamedTuple):
     """A picture on its way to the screen."""
 
     data: bytes
@@ -33,7 +33,7 @@ class _Stale(Exception):
     """Something else is wanted by now."""
 
 
-class Artist:
+class BackgroundRenderer:
     """Draws scenes in a thread of its own, which ends when there is nothing to do.
 
     Parameters
@@ -41,13 +41,13 @@ class Artist:
     make : callable
         Gives the scene to draw, with its settings; is called in that thread.
     send : callable
-        Takes a Frame, in that thread.
+        Takes a EncodedImage, in that thread.
     fail : callable
         Takes what went wrong, in that thread.
     """
 
     def __init__(
-        self, make: Callable[[], Scene], send: Callable[[Frame], None], fail: Callable[[Exception], None]
+        self, make: Callable[[], Scene], send: Callable[[EncodedImage], None], fail: Callable[[Exception], None]
     ) -> None:
         self._make, self._send, self._fail = make, send, fail
         self._lock, self._wanted, self._busy = threading.Lock(), threading.Event(), False
@@ -58,7 +58,7 @@ class Artist:
             self._wanted.set()
             if not self._busy:
                 self._busy = True
-                threading.Thread(target=self._work, name="raytrace-artist", daemon=True).start()
+                threading.Thread(target=self._work, name="raytrace-renderer", daemon=True).start()
 
     def stale(self, seconds: float = 0.0) -> bool:
         """Whether to drop what is being drawn: something else is wanted, within some seconds, or the process ends."""
@@ -67,8 +67,8 @@ class Artist:
     def _work(self) -> None:
         while self._next():
             try:
-                picture = render(self._make(), progress=_Easel(self))
-                self._send(Frame(picture._repr_png_(), "image/png", picture.provenance["spp"]))
+                picture = render(self._make(), progress=_PreviewSender(self))
+                self._send(EncodedImage(picture._repr_png_(), "image/png", picture.provenance["spp"]))
             except _Stale:
                 continue
             except RaytraceError as error:
@@ -90,24 +90,24 @@ class Artist:
 
         stream = io.BytesIO()
         Image.fromarray(picture).save(stream, "jpeg", quality=QUALITY)
-        self._send(Frame(stream.getvalue(), "image/jpeg", samples))
+        self._send(EncodedImage(stream.getvalue(), "image/jpeg", samples))
 
 
-class _Easel(Preview):
+class _PreviewSender(Preview):
     """Shows a picture as soon as there is one sample a pixel, and then now and then; gives up if it is stale."""
 
-    def __init__(self, artist: Artist) -> None:
+    def __init__(self, renderer: BackgroundRenderer) -> None:
         super().__init__()
-        self._artist, self._next, self._wait = artist, 0.0, GRACE
+        self._renderer, self._next, self._wait = renderer, 0.0, GRACE
 
     def look(self, progress: Progress) -> None:
         """Send the picture if it is time."""
         if progress.stage != "rendering":
             return
-        if self._next and self._artist.stale():  # the first frame is worth its while: a hand that moves needs some
+        if self._next and self._renderer.stale():  # the first frame is worth its while: a hand that moves needs some
             raise _Stale
         if time.perf_counter() >= self._next and self.whole():
-            self._artist.send(self.picture(MAX_SIDE), float(self.samples.mean()))
-            if self._artist.stale(self._wait):
+            self._renderer.send(self.picture(MAX_SIDE), float(self.samples.mean()))
+            if self._renderer.stale(self._wait):
                 raise _Stale
             self._next, self._wait = time.perf_counter() + PAUSE, 0.0

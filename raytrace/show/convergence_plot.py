@@ -5,7 +5,7 @@ import numpy as np
 from raytrace.reporting.analysis import curves_of
 from raytrace.reporting.plots import against_samples
 from raytrace.reporting.sweep import Report
-from raytrace.show.drawing import Drawing, sheet
+from raytrace.show.drawing import Drawing, new_figure
 
 
 def convergence(report: Report) -> Drawing:
@@ -43,7 +43,7 @@ def convergence(report: Report) -> Drawing:
         for way, curve in curves_of(report.points).items()
     }
     title = f"{report.about_scene['name']}: error against samples"
-    with sheet(10, 6.4) as figure:
+    with new_figure(10, 6.4) as figure:
         axes = figure.subplots()
         axes.grid(alpha=0.3)
         against_samples(report.points, report.orders, title, axes)

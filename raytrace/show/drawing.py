@@ -101,7 +101,7 @@ class Drawing:
 
 
 @contextmanager
-def sheet(width: float, height: float) -> Iterator[Any]:
+def new_figure(width: float, height: float) -> Iterator[Any]:
     """An empty figure to draw on, in the style of all of them; width and height in inches.
 
     Raises
@@ -118,7 +118,7 @@ def sheet(width: float, height: float) -> Iterator[Any]:
         yield Figure((width, height), layout="constrained")
 
 
-def show_picture(axes: Any, picture: Any, **more: Any) -> Any:
+def show_image(axes: Any, picture: Any, **more: Any) -> Any:
     """An array on axes, each of its pixels a square, with no ticks; more as matplotlib's ``imshow`` takes it."""
     axes.set(xticks=[], yticks=[])
     axes.spines[:].set(visible=True, color="#aaaaaa", linewidth=0.6)

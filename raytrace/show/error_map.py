@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from raytrace.image.files import LUMINANCE, srgb8
 from raytrace.image.metrics import TILE, Comparison, compare, light_of, ssim_map
-from raytrace.show.drawing import BLACK, Drawing, sheet, show_picture
+from raytrace.show.drawing import BLACK, Drawing, new_figure, show_image
 
 SHARE = 0.995  # of the pixels lie within the scale of colours; the largest error is told
 
@@ -55,12 +55,12 @@ def error(image: Any, reference: Any) -> Drawing:
     title = f"RMSE {numbers.rmse:.3g}; bias of red, green, blue {bias}; SSIM {numbers.ssim:.4f}"
     title += f"; {numbers.non_finite} pixels not finite" if numbers.non_finite else ""
     height, width = finite.shape
-    with sheet(14, 5.5 * height / width + 2.1) as figure:
+    with new_figure(14, 5.5 * height / width + 2.1) as figure:
         figure.suptitle(title)
         grid = figure.add_gridspec(2, 3, width_ratios=(1, 2, 2))
         for k, (name, light) in enumerate((("picture", a), ("reference", b))):
             axes = figure.add_subplot(grid[k, 0])
-            show_picture(axes, srgb8(light))
+            show_image(axes, srgb8(light))
             axes.set_title(name)
         _signed(figure, figure.add_subplot(grid[:, 1]), data["error"], numbers)
         _structure(figure, figure.add_subplot(grid[:, 2]), data["ssim"])
@@ -73,7 +73,7 @@ def _signed(figure: Any, axes: Any, difference: NDArray[np.float64], numbers: Co
     size = np.abs(difference)
     largest = float(size.max())
     top = float(np.quantile(size, SHARE)) or largest or 1.0
-    shown = show_picture(axes, difference, cmap="PuOr_r", vmin=-top, vmax=top)
+    shown = show_image(axes, difference, cmap="PuOr_r", vmin=-top, vmax=top)
     axes.set_title(f"error: largest {largest:.3g}")
     extend = "both" if largest > top else "neither"
     look: Any = {"label": "picture - reference: luminance, radiance", "format": "%.2g"}
@@ -89,7 +89,7 @@ def _signed(figure: Any, axes: Any, difference: NDArray[np.float64], numbers: Co
 
 def _structure(figure: Any, axes: Any, similarity: NDArray[np.float64]) -> None:
     low = min(float(np.quantile(similarity, 1 - SHARE)), 0.99)
-    shown = show_picture(axes, similarity, cmap="gray", vmin=low, vmax=1.0)
+    shown = show_image(axes, similarity, cmap="gray", vmin=low, vmax=1.0)
     axes.set_title(f"SSIM: smallest {similarity.min():.3g}")
     extend = "min" if similarity.min() < low else "neither"
     figure.colorbar(shown, ax=axes, location="bottom", label="structural similarity, 1 where equal", extend=extend)

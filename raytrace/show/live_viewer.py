@@ -7,7 +7,7 @@ from raytrace.limits import MAX_SPP
 from raytrace.records import Scene
 from raytrace.rendering.options import within
 from raytrace.scene.load import load
-from raytrace.show.scene_rays import AnyScene, make_subject
+from raytrace.show.prepared_scene import AnyScene, prepare_scene
 
 if TYPE_CHECKING:
     from raytrace.show.widget import Viewer
@@ -64,4 +64,4 @@ def live(scene: AnyScene, *, size: tuple[int, int] | None = None, spp: int = 64)
         width, height = scene.settings.size
         scale = min(SIDE / max(width, height), 1.0)
         size = max(round(scale * width), 1), max(round(scale * height), 1)
-    return Viewer(make_subject(scene, size), within("spp", spp, 1, MAX_SPP))
+    return Viewer(prepare_scene(scene, size), within("spp", spp, 1, MAX_SPP))

@@ -12,12 +12,12 @@ from raytrace.limits import MAX_SPP
 from raytrace.rendering.options import within
 from raytrace.rendering.rendering import render
 from raytrace.show.annotations import keys
-from raytrace.show.drawing import VERMILION, Drawing, sheet, show_picture
+from raytrace.show.drawing import VERMILION, Drawing, new_figure, show_image
 from raytrace.show.path_elevations import draw_elevations
 from raytrace.show.path_section import draw_section
 from raytrace.show.path_steps import Steps, follow
 from raytrace.show.path_tables import as_html, as_text, tables_of
-from raytrace.show.scene_rays import AnyScene, Subject, make_subject
+from raytrace.show.prepared_scene import AnyScene, PreparedScene, prepare_scene
 
 SIDE = 200  # pixels of the longer side of the picture beside the path
 
@@ -96,29 +96,29 @@ def path(
     >>> [(step.event, step.material) for step in drawing.steps.path]
     [('enters', 'pane'), ('lands', 'grey')]
     """
-    subject = make_subject(scene, size)
+    prepared = prepare_scene(scene, size)
     column, row = (
-        within("pixel", number, 0, most - 1) for number, most in zip(pixel, subject.settings.size, strict=True)
+        within("pixel", number, 0, most - 1) for number, most in zip(pixel, prepared.settings.size, strict=True)
     )
-    steps = follow(subject, (column, row), within("sample", sample, 0, MAX_SPP - 1))
-    title = f"{subject.name}: sample {sample} of pixel ({column}, {row}), {subject.stage.bvh.precision}"
-    with sheet(14, 8.4) as figure:
+    steps = follow(prepared, (column, row), within("sample", sample, 0, MAX_SPP - 1))
+    title = f"{prepared.name}: sample {sample} of pixel ({column}, {row}), {prepared.compiled.bvh.precision}"
+    with new_figure(14, 8.4) as figure:
         figure.suptitle(title)
         grid = figure.add_gridspec(2, 1, height_ratios=(5, 3))
         top, bottom = grid[0].subgridspec(1, 3, width_ratios=(4, 7, 2)), grid[1].subgridspec(1, 2)
-        _picture(figure.add_subplot(top[0]), subject, (column, row))
-        draw_section(subject, steps, figure.add_subplot(top[1]))
+        _picture(figure.add_subplot(top[0]), prepared, (column, row))
+        draw_section(prepared, steps, figure.add_subplot(top[1]))
         _legend(figure.add_subplot(top[2]))
-        draw_elevations(subject, steps, [figure.add_subplot(bottom[k]) for k in range(2)])
+        draw_elevations(prepared, steps, [figure.add_subplot(bottom[k]) for k in range(2)])
     return PathDrawing(title, steps, figure)
 
 
-def _picture(axes: Any, subject: Subject, pixel: tuple[int, int]) -> None:
+def _picture(axes: Any, prepared: PreparedScene, pixel: tuple[int, int]) -> None:
     """The scene, with a ring around the pixel."""
-    width, height = subject.settings.size
+    width, height = prepared.settings.size
     scale = min(SIDE / max(width, height), 1.0)
     small = max(round(scale * width), 1), max(round(scale * height), 1)
-    show_picture(axes, srgb8(render(subject.scene, spp=4, size=small, progress=False).rgb))
+    show_image(axes, srgb8(render(prepared.scene, spp=4, size=small, progress=False).rgb))
     at = [
         (number + 0.5) * part / whole - 0.5 for number, part, whole in zip(pixel, small, (width, height), strict=True)
     ]

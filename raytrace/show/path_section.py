@@ -9,7 +9,7 @@ from raytrace.records import Mesh
 from raytrace.show.annotations import draw_path
 from raytrace.show.drawing import BLACK
 from raytrace.show.path_steps import Step, Steps
-from raytrace.show.scene_rays import Subject
+from raytrace.show.prepared_scene import PreparedScene
 
 AROUND = 0.7  # of the extent of the interfaces is shown on each side of them
 LEAST = 0.12  # of the extent of the scene is shown on each side of them at least
@@ -64,7 +64,7 @@ def cut(mesh: Mesh, plane: Plane) -> NDArray[np.float64]:
     return (apex + share * (others - apex))[..., :2]
 
 
-def draw_section(subject: Subject, steps: Steps, axes: Any) -> None:
+def draw_section(prepared: PreparedScene, steps: Steps, axes: Any) -> None:
     """Draw the interfaces of a path, or else where it lands, in the plane of incidence of the first."""
     met = [step for step in steps.path if step.prim_id >= 0]
     axes.set(xticks=[], yticks=[])
@@ -72,11 +72,11 @@ def draw_section(subject: Subject, steps: Steps, axes: Any) -> None:
     if not met:
         axes.set_title("the ray meets nothing", loc="left")
         return
-    plane = Plane(met[0], -subject.view.down)
+    plane = Plane(met[0], -prepared.view.down)
     bent = [step for step in met if not np.isnan(step.eta)] or met[-1:]
     points = plane.seen(np.array([step.p for step in bent]))
     low, high = points.min(axis=0), points.max(axis=0)
-    mesh = subject.scene.mesh
+    mesh = prepared.scene.mesh
     room = max(AROUND * (high - low).max(), LEAST * float(np.ptp(mesh.vertices, axis=0).max()))
     middle, half = (low + high) / 2, (high - low).max() / 2 + room
     _scene(axes, cut(mesh, plane))

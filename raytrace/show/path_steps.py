@@ -10,7 +10,7 @@ from raytrace.errors import printable
 from raytrace.passes.sampling import make_sampler
 from raytrace.records import REFRACTIVE, Batch, Columns
 from raytrace.rendering.wavefront import Wavefront
-from raytrace.show.scene_rays import Subject
+from raytrace.show.prepared_scene import PreparedScene
 
 
 class Step(NamedTuple):
@@ -98,27 +98,27 @@ class _Recorder(Wavefront):
         self.lit.append(_Lit(o, d, bool(ray.tmax[0] > 0), bool(ray.occluded[0]), float(ray.irradiance[0]), added))
 
 
-def follow(subject: Subject, pixel: tuple[int, int], sample: int) -> Steps:
+def follow(prepared: PreparedScene, pixel: tuple[int, int], sample: int) -> Steps:
     """Follow a sample of a pixel, with the numbers that ``render`` computes for it."""
-    stage, settings = subject.stage, subject.settings
+    stage, settings = prepared.compiled, prepared.settings
     sampler = make_sampler(settings.sampler, settings.seed, settings.spp)
-    recorder = _Recorder(stage, subject.view, sampler, PACKET)
+    recorder = _Recorder(stage, prepared.view, sampler, PACKET)
     x, y = (np.full(PACKET, number, np.uint32) for number in pixel)
     recorder.add_samples(x, y, sample, sample + 1, np.zeros((12, PACKET)), 0)
     onward = [ray.d for ray in recorder.sent[1:]] + [None]
-    path = tuple(_step(subject, ray, way) for ray, way in zip(recorder.sent, onward, strict=True))
+    path = tuple(_step(prepared, ray, way) for ray, way in zip(recorder.sent, onward, strict=True))
     landed = "lands" in path[-1].event
-    shadows = tuple(_shadow(subject, number, ray) for number, ray in enumerate(recorder.lit)) if landed else ()
+    shadows = tuple(_shadow(prepared, number, ray) for number, ray in enumerate(recorder.lit)) if landed else ()
     return Steps(path, shadows, recorder.first(recorder.radiance))
 
 
-def _step(subject: Subject, ray: _Met, onward: NDArray[np.floating] | None) -> Step:
+def _step(prepared: PreparedScene, ray: _Met, onward: NDArray[np.floating] | None) -> Step:
     """Say what a ray met, and how it went on."""
     o, d, t, prim_id, u, v = ray
     nothing = np.full(3, np.nan)
     if prim_id < 0:
         return Step(o, d, np.inf, -1, nothing, nothing, nothing, "", "leaves the scene", None, *3 * [np.nan])
-    scene, triangle = subject.scene, subject.stage.bvh.triangles[prim_id]
+    scene, triangle = prepared.scene, prepared.compiled.bvh.triangles[prim_id]
     p, ng = triangle[:3] + (u * (triangle[3:6] - triangle[:3]) + v * (triangle[6:9] - triangle[:3])), triangle[9:]
     ns = ng
     if scene.mesh.normals is not None:
@@ -151,12 +151,12 @@ def _degrees(cosine: float) -> float:
     return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
 
 
-def _shadow(subject: Subject, number: int, ray: _Lit) -> ShadowRay:
+def _shadow(prepared: PreparedScene, number: int, ray: _Lit) -> ShadowRay:
     """Say what became of the shadow ray to a light; where it was stopped, the nearest triangle did it, for the eye."""
-    arriving = ray.irradiance * subject.stage.light_flux[number]
+    arriving = ray.irradiance * prepared.compiled.light_flux[number]
     if not ray.sent:
         return ShadowRay(number, ray.o, ray.d, "faces away", np.nan, 0 * arriving, ray.added)
     if not ray.occluded:
         return ShadowRay(number, ray.o, ray.d, "reaches", 1.0, arriving, ray.added)
-    blocker = subject.stage.shadow_bvhs[number].closest_hit(ray.o[None], ray.d[None], tmax=1.0)
+    blocker = prepared.compiled.shadow_bvhs[number].closest_hit(ray.o[None], ray.d[None], tmax=1.0)
     return ShadowRay(number, ray.o, ray.d, "blocked", float(blocker.t[0]), 0 * arriving, ray.added)

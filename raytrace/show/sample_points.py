@@ -11,7 +11,7 @@ from raytrace.passes.camera import camera_rays
 from raytrace.passes.sampling import make_sampler
 from raytrace.records import Settings, View
 from raytrace.rendering.options import override, within
-from raytrace.show.drawing import BLUE, Drawing, sheet
+from raytrace.show.drawing import BLUE, Drawing, new_figure
 
 MOST = 1024  # points that are drawn
 AWAY = View(
@@ -61,7 +61,7 @@ def samples(sampler: str, spp: int, *, seed: int = 0, pixel: tuple[int, int] = (
     settings = override(Settings((1, 1), 1, 1, "sobol", "float64", 0), spp, None, seed, None, sampler)
     points = points_of(settings, column, row)
     title = f"{sampler}: {spp} sample{'s' * (spp > 1)} of pixel ({column}, {row}), seed {seed}"
-    with sheet(8.0, 9.0) as figure:
+    with new_figure(8.0, 9.0) as figure:
         figure.set_layout_engine("none")  # the strips stand beside the pixel, whatever their labels
         figure.suptitle(title)
         _show(figure, points)

@@ -10,11 +10,11 @@ from raytrace.records import REFRACTIVE, Scene
 from raytrace.rendering.compiled_scenes import set_compiled
 from raytrace.rendering.wavefront import recompiled
 from raytrace.show.orbit import turned
-from raytrace.show.scene_rays import Subject
+from raytrace.show.prepared_scene import PreparedScene
 
 
-class Knobs(NamedTuple):
-    """Where the knobs stand."""
+class SceneEdits(NamedTuple):
+    """Where the edits stand."""
 
     azimuth: float = 0.0  # degrees, of the camera around what it looks at
     elevation: float = 0.0  # degrees
@@ -31,19 +31,19 @@ def refractive(scene: Scene) -> dict[str, float]:
     return {materials.name[row]: float(materials.ior[row]) for row in rows}
 
 
-def changed(subject: Subject, knobs: Knobs) -> Scene:
-    """The scene as the knobs have it; it holds size, samples and precision too, but no hash."""
-    scene = subject.scene
+def changed(prepared: PreparedScene, edits: SceneEdits) -> Scene:
+    """The scene as the edits have it; it holds size, samples and precision too, but no hash."""
+    scene = prepared.scene
     ior = scene.materials.ior.copy()
-    for name, value in knobs.ior.items():
+    for name, value in edits.ior.items():
         ior[scene.materials.name.index(name)] = value
     new = replace(
         scene,
-        camera=turned(scene.camera, knobs.azimuth, knobs.elevation, knobs.distance),
-        lights=scene.lights._replace(flux=scene.lights.flux * knobs.power),
+        camera=turned(scene.camera, edits.azimuth, edits.elevation, edits.distance),
+        lights=scene.lights._replace(flux=scene.lights.flux * edits.power),
         materials=scene.materials._replace(ior=ior),
-        settings=subject.settings._replace(spp=knobs.spp, precision=subject.stage.bvh.precision),
+        settings=prepared.settings._replace(spp=edits.spp, precision=prepared.compiled.bvh.precision),
     )
     vars(new)["sha256"] = ""  # that of a large mesh takes longer than a frame
-    set_compiled(new, recompiled(subject.stage, new))
+    set_compiled(new, recompiled(prepared.compiled, new))
     return new

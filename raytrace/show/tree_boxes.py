@@ -8,10 +8,18 @@ from numpy.typing import NDArray
 from raytrace.accel.bvh import BVH
 from raytrace.accel.grow import MAX_DEPTH
 from raytrace.accel.layout import boxes_of, children_of, triangles_of
+from raytrace.passes.camera import pinhole_directions
 from raytrace.records import Tree, View
 from raytrace.rendering.options import within
-from raytrace.show.drawing import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, YELLOW, Drawing, sheet, show_picture
-from raytrace.show.scene_rays import LABELS, AnyScene, Subject, directions_through, make_subject, pixel_centres, tree_of
+from raytrace.show.drawing import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, YELLOW, Drawing, new_figure, show_image
+from raytrace.show.prepared_scene import (
+    LABELS,
+    AnyScene,
+    PreparedScene,
+    pixel_centres,
+    prepare_scene,
+    tree_of,
+)
 
 SIDE = 1000  # pixels of the longer side of the picture
 FINE = 2  # rays along a side of each
@@ -73,29 +81,29 @@ def bvh(scene: AnyScene, depth: int = 3, *, split: str = "sah") -> Drawing:
     (7, True)
     """
     depth = within("depth", depth, 0, MAX_DEPTH)
-    subject = _large(make_subject(scene))
-    tree = tree_of(subject, split)
+    prepared = _enlarged(prepare_scene(scene))
+    tree = tree_of(prepared, split)
     level = level_of(tree.tree, len(tree.triangles), depth)
     about = f"{np.count_nonzero(~level.leaf)} nodes and {np.count_nonzero(level.leaf)} leaves here, of "
     about += (
         f"{tree.levels} levels; {np.count_nonzero(level.box_of >= 0):,} triangles; SAH cost {tree.stats.sah_cost:.1f}"
     )
-    title = f"{subject.name}: level {depth} of the {LABELS[split]} tree"
-    width, height = subject.settings.size
-    with sheet(9.0, 9.0 * height / width + 0.75) as figure:
+    title = f"{prepared.name}: level {depth} of the {LABELS[split]} tree"
+    width, height = prepared.settings.size
+    with new_figure(9.0, 9.0 * height / width + 0.75) as figure:
         axes = figure.subplots()
         axes.set_title(title, fontsize=16, pad=26)
         axes.text(0.5, 1.012, about, transform=axes.transAxes, ha="center", va="bottom")
-        show_picture(axes, _surface(subject, tree, level))
+        show_image(axes, _surface(prepared, tree, level))
         axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
-        _edges(axes, subject, tree, level)
+        _edges(axes, prepared, tree, level)
     return Drawing(title, level._asdict(), figure)
 
 
-def _large(subject: Subject) -> Subject:
-    width, height = subject.settings.size
+def _enlarged(prepared: PreparedScene) -> PreparedScene:
+    width, height = prepared.settings.size
     scale = SIDE / max(width, height)
-    return make_subject(subject.scene, (max(round(width * scale), 1), max(round(height * scale), 1)))
+    return prepare_scene(prepared.scene, (max(round(width * scale), 1), max(round(height * scale), 1)))
 
 
 def level_of(tree: Tree, count: int, depth: int) -> Level:
@@ -135,21 +143,21 @@ def _colours(count: int) -> NDArray[np.float64]:
     return table[np.arange(count) % len(table)]
 
 
-def _surface(subject: Subject, bvh: BVH, level: Level) -> NDArray[np.float32]:
+def _surface(prepared: PreparedScene, bvh: BVH, level: Level) -> NDArray[np.float32]:
     """What the camera sees: the colours of boxes, pale, shaded as by a light at the camera, and the wireframe."""
-    size = subject.settings.size
+    size = prepared.settings.size
     tints = (1 - 0.45 * (1 - _colours(len(level.low)))).astype(np.float32)
     x, y = pixel_centres(size, FINE)
     paint = np.ones((len(x), 3), np.float32)
     for first in range(0, len(x), CHUNK):
         part = slice(first, first + CHUNK)
-        d = directions_through(subject.view, x[part], y[part])
-        hits = bvh.closest_hit(subject.view.origin, d)
+        d = pinhole_directions(prepared.view, x[part], y[part])
+        hits = bvh.closest_hit(prepared.view.origin, d)
         seen = hits.prim_id >= 0
         prim = hits.prim_id[seen]
         facing = np.abs((bvh.triangles[prim, 9:] * d[seen]).sum(axis=1, keepdims=True))
         lines = _lines(
-            subject.view, bvh.triangles[prim, :9], (x[part][seen], y[part][seen]), hits.u[seen], hits.v[seen]
+            prepared.view, bvh.triangles[prim, :9], (x[part][seen], y[part][seen]), hits.u[seen], hits.v[seen]
         )
         paint[part][seen] = tints[level.box_of[prim]] * (0.6 + 0.4 * facing) * (1 - 0.6 * lines[:, None])
     width, height = size
@@ -178,16 +186,16 @@ def _lines(
     return (distance.min(axis=1) < LINE) * height / (height + FADED**2)
 
 
-def _edges(axes: Any, subject: Subject, bvh: BVH, level: Level) -> None:
+def _edges(axes: Any, prepared: PreparedScene, bvh: BVH, level: Level) -> None:
     """Edges of boxes: in parts, strong or faint."""
     from matplotlib.collections import LineCollection
 
     ends = box_edges(level.low, level.high)  # (k, 12, 2, 3)
     steps = np.linspace(0, 1, PARTS + 1)[:, None]
     points = ends[:, :, None, 0] * (1 - steps) + ends[:, :, None, 1] * steps  # (k, 12, PARTS + 1, 3)
-    film, depth = project(subject.view, points)
+    film, depth = project(prepared.view, points)
     middle = (points[:, :, 1:] + points[:, :, :-1]).reshape(-1, 3) / 2
-    hidden = bvh.any_hit(subject.view.origin, middle - subject.view.origin, tmax=BEFORE).reshape(len(ends), 12, PARTS)
+    hidden = bvh.any_hit(prepared.view.origin, middle - prepared.view.origin, tmax=BEFORE).reshape(len(ends), 12, PARTS)
     front = np.minimum(depth[:, :, 1:], depth[:, :, :-1]) > 1e-3 * np.abs(depth).max()
     parts = np.stack([film[:, :, :-1], film[:, :, 1:]], axis=3)  # (k, 12, PARTS, 2, 2)
     colours = np.broadcast_to(_colours(len(ends))[:, None, None], (*parts.shape[:3], 3))

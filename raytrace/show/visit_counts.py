@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from raytrace.accel import query
 from raytrace.accel.bundle import unbundled
 from raytrace.accel.bvh import BVH
+from raytrace.passes.camera import pinhole_directions
 from raytrace.records import Columns, Hits, Rays
-from raytrace.show.drawing import Drawing, sheet, show_picture
-from raytrace.show.scene_rays import LABELS, AnyScene, directions_through, make_subject, pixel_centres, tree_of
+from raytrace.show.drawing import Drawing, new_figure, show_image
+from raytrace.show.prepared_scene import LABELS, AnyScene, pixel_centres, prepare_scene, tree_of
 
 SHARE = 0.999  # of the pixels lie within the scale of colours: a few rays along an edge would darken all others
 
@@ -54,14 +55,14 @@ def heatmap(scene: AnyScene, size: tuple[int, int] | None = None, *, split: str 
     >>> int(costs.data["nodes"].max()), int(costs.data["triangles"].min())
     (1, 8)
     """
-    subject = make_subject(scene, size)
-    width, height = subject.settings.size
-    tree = tree_of(subject, split)
-    directions = directions_through(subject.view, *pixel_centres(subject.settings.size))
-    counts = count_work(tree, subject.view.origin, directions)
+    prepared = prepare_scene(scene, size)
+    width, height = prepared.settings.size
+    tree = tree_of(prepared, split)
+    directions = pinhole_directions(prepared.view, *pixel_centres(prepared.settings.size))
+    counts = count_work(tree, prepared.view.origin, directions)
     data = {name: counts[:, k].reshape(height, width) for k, name in enumerate(("nodes", "triangles"))}
-    title = f"{subject.name}: what the ray of each pixel costs in the {LABELS[split]} tree"
-    with sheet(12, 5.8 * height / width + 2.0) as figure:
+    title = f"{prepared.name}: what the ray of each pixel costs in the {LABELS[split]} tree"
+    with new_figure(12, 5.8 * height / width + 2.0) as figure:
         figure.suptitle(title)
         _show(figure, data)
     return Drawing(title, data, figure)
@@ -73,7 +74,7 @@ def _show(figure: Any, data: dict[str, NDArray[np.int64]]) -> None:
     words = {"nodes": "nodes visited", "triangles": "triangles tested, eight at a time"}
     for axes, (name, counts) in zip(figure.subplots(1, 2), data.items(), strict=True):
         top = max(int(np.ceil(np.quantile(counts, SHARE))), 1)
-        shown = show_picture(axes, counts, cmap="inferno", vmin=0, vmax=top)
+        shown = show_image(axes, counts, cmap="inferno", vmin=0, vmax=top)
         axes.set_title(f"{words[name]}: mean {counts.mean():.1f}, most {counts.max()}")
         beyond = "max" if counts.max() > top else "neither"
         ticks = MaxNLocator(8, integer=True)

@@ -11,11 +11,11 @@ from raytrace.errors import RaytraceError
 from raytrace.limits import MAX_SPP
 from raytrace.records import Scene
 from raytrace.rendering.rendering import render
-from raytrace.show.background_renderer import Artist, Frame
+from raytrace.show.background_renderer import BackgroundRenderer, EncodedImage
 from raytrace.show.orbit import reach
 from raytrace.show.path_drawing import path
-from raytrace.show.scene_edits import Knobs, changed, refractive
-from raytrace.show.scene_rays import Subject
+from raytrace.show.prepared_scene import PreparedScene
+from raytrace.show.scene_edits import SceneEdits, changed, refractive
 
 STILL = 16  # samples a pixel of the picture that stands in where widgets do not run
 CLOSEST, FARTHEST = 0.05, 20.0  # distances, of the scene's own
@@ -61,13 +61,13 @@ class Viewer(AnyWidget):
     first_ior = Dict().tag(sync=True)
     about = Unicode().tag(sync=True)
 
-    def __init__(self, subject: Subject, spp: int) -> None:
-        scene = subject.scene
-        self._subject, self._own = subject, refractive(scene)
-        self._artist = Artist(self._begin, self._frame, self._trouble)
+    def __init__(self, prepared: PreparedScene, spp: int) -> None:
+        scene = prepared.scene
+        self._subject, self._own = prepared, refractive(scene)
+        self._renderer = BackgroundRenderer(self._begin, self._frame, self._trouble)
         about = {"about": scene.about, "lights": len(scene.lights.flux), "reach": reach(scene.camera)}
-        super().__init__(spp=spp, ior=self._own, first_ior=self._own, size=subject.settings.size, **about)
-        self.observe(lambda _: self._artist.draw(), list(Knobs._fields))
+        super().__init__(spp=spp, ior=self._own, first_ior=self._own, size=prepared.settings.size, **about)
+        self.observe(lambda _: self._renderer.draw(), list(SceneEdits._fields))
         self.on_msg(self._hear)
 
     @validate("ior")
@@ -86,17 +86,17 @@ class Viewer(AnyWidget):
         return replace(self._now())  # which has a hash
 
     def _begin(self) -> Scene:
-        """What the artist is to draw."""
+        """What the renderer is to draw."""
         self._drawn = self.turn
         return self._now()
 
     def _now(self) -> Scene:
-        return changed(self._subject, Knobs(*(getattr(self, name) for name in Knobs._fields)))
+        return changed(self._subject, SceneEdits(*(getattr(self, name) for name in SceneEdits._fields)))
 
     def _hear(self, _viewer: Any, message: dict[str, Any], _buffers: Any) -> None:
         """Do what the browser asks for."""
         if message["kind"] == "draw":
-            self._artist.draw()
+            self._renderer.draw()
         elif message["kind"] == "path":
             try:
                 self.send({"kind": "path", "html": path(self._now(), tuple(message["pixel"]))._repr_html_()})
@@ -106,7 +106,7 @@ class Viewer(AnyWidget):
                 self._trouble(error)
                 raise
 
-    def _frame(self, frame: Frame) -> None:
+    def _frame(self, frame: EncodedImage) -> None:
         about = {"type": frame.kind, "samples": frame.samples, "turn": self._drawn}
         self.send({"kind": "frame", **about}, [frame.data])
 
