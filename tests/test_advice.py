@@ -63,19 +63,19 @@ def test_only_what_a_user_can_choose_is_recommended():
     points += curve(BRUTE, lambda n: 0.1 / n, 7.0)
     told = sentences(points)
     assert "sobol, 5 spp, float32, 5.00 s" in told[0]
-    assert told[-1] == "Beside the usual way, moller-trumbore costs 0.1x, no tree costs 7x."
+    assert told[-1] == "Compared with the default, moller-trumbore costs 0.1x, no tree costs 7x."
 
 
 def test_a_test_that_loses_triangles_is_told_by_its_error():
     points = curve(SOBOL, lambda n: 0.1 / n, 1.0) + curve(MOLLER, lambda n: 0.1, 1.0)
-    assert sentences(points)[-1] == "Beside the usual way, moller-trumbore costs 1x and errs 64x as much."
+    assert sentences(points)[-1] == "Compared with the default, moller-trumbore costs 1x and has 64x the error."
 
 
 def test_float64_is_recommended_where_float32_never_gets_there():
     points = curve(SOBOL, lambda n: 0.1, 1.0) + curve(DOUBLE, lambda n: 0.1 / n, 2.0)
     told = sentences(points, {64: 0.1})
     assert "sobol, 5 spp, float64" in told[0]
-    assert told[0].endswith("; float64 costs 2x and is needed: float32 is off by more than the noise.")
+    assert told[0].endswith("; float64 costs 2x and is needed: the error of float32 is larger than the noise.")
 
 
 def test_equal_pictures_in_both_precisions_make_float64_useless():

@@ -20,7 +20,7 @@ def test_a_tree_changes_no_bit_of_the_picture(tree):
     scene = studio()
     subject = ConfiguredScene(scene, Configuration("sobol", "float64", tree=tree), SIZE)
     expected = render(scene, 2, SIZE, 5, "float64", "sobol")
-    np.testing.assert_array_equal(subject.draw(2, 5).rgb, expected.rgb)
+    np.testing.assert_array_equal(subject.render(2, 5).rgb, expected.rgb)
 
 
 def test_without_a_tree_a_ray_is_tested_against_all_triangles():
@@ -58,8 +58,8 @@ def test_the_absolute_threshold_loses_small_triangles():
         ConfiguredScene(scene, Configuration("sobol", "float64", triangle=t), SIZE)
         for t in ("watertight", "moller-trumbore")
     )
-    assert (right.draw(1, 0).rgb == 0).any()  # a black box before the background
-    assert not (wrong.draw(1, 0).rgb == 0).any()
+    assert (right.render(1, 0).rgb == 0).any()  # a black box before the background
+    assert not (wrong.render(1, 0).rgb == 0).any()
 
 
 def test_the_first_way_is_the_usual_one_and_each_is_there_once():

@@ -15,10 +15,10 @@ from PIL import Image
 from raytrace.golden.gates import Gates, judge
 from raytrace.golden.locations import GoldenLocation
 from raytrace.golden.page import BRIGHTER, DARKER, NOT_FINITE, Failure, page
-from raytrace.golden.spots import Spot, find, largest_channel, scale_of
+from raytrace.golden.spots import Spot, find, largest_channel
 from raytrace.golden.store import GoldenImage
 from raytrace.image.files import LUMINANCE
-from raytrace.image.metrics import compare
+from raytrace.image.metrics import compare, difference_scale
 from test_page import Reader
 
 WHITE = (255, 255, 255)
@@ -141,11 +141,11 @@ def test_one_bright_pixel_does_not_hide_the_rest():
     golden = golden_light()
     difference = np.full(golden.shape[:2], 0.01)
     difference[3, 3] = 100.0
-    assert scale_of(difference, golden) == pytest.approx(0.01)
+    assert difference_scale(difference, golden) == pytest.approx(0.01)
     difference[:] = 0.0
-    assert scale_of(difference, golden) == 0.0
+    assert difference_scale(difference, golden) == 0.0
     difference[3, 3] = 0.25
-    assert scale_of(difference, golden) == 0.25
+    assert difference_scale(difference, golden) == 0.25
 
 
 def test_the_channel_that_differs_most_has_its_sign():

@@ -51,13 +51,13 @@ def test_every_point_is_measured_in_every_round(scene):
 
 def test_rounds_go_over_all_points_and_have_seeds_of_their_own(scene, monkeypatch):
     drawn = []
-    draw = ConfiguredScene.draw
+    draw = ConfiguredScene.render
 
     def noted(self, step, seed):
         drawn.append((self.configuration, step, seed))
         return draw(self, step, seed)
 
-    monkeypatch.setattr(ConfiguredScene, "draw", noted)
+    monkeypatch.setattr(ConfiguredScene, "render", noted)
     sweep(scene, [SOBOL, MEDIAN])
     points = len(steps_of(SOBOL)) + len(steps_of(MEDIAN))
     rounds = [drawn[len(drawn) - (ROUNDS - k) * points :][:points] for k in range(ROUNDS)]
@@ -114,13 +114,13 @@ def test_without_time_nothing_is_measured_and_all_is_named(scene):
 def test_what_would_not_be_done_in_time_is_not_begun(scene, monkeypatch):
     """With a clock by which every sample takes a second, and comparisons take no time."""
     now = [0.0]
-    draw = ConfiguredScene.draw
+    draw = ConfiguredScene.render
 
     def slow(self, step, seed):
         now[0] += step
         return draw(self, step, seed)
 
-    monkeypatch.setattr(ConfiguredScene, "draw", slow)
+    monkeypatch.setattr(ConfiguredScene, "render", slow)
     monkeypatch.setattr(measure.time, "perf_counter", lambda: now[0])
     reference = truth(scene)
     now[0] = 0.0
@@ -137,19 +137,19 @@ def test_what_a_reference_cannot_judge_is_left_out_by_name(scene):
     assert max(p.step for p in found.points) <= 8
     (what, why), = found.left_out  # fmt: skip
     assert what.endswith("16 spp, 32 spp, 64 spp, 128 spp, 256 spp")
-    assert "too accurate for a reference" in why
+    assert "too close to that of the reference" in why
 
 
 def test_an_interrupt_keeps_what_was_measured(scene, monkeypatch):
     calls = itertools.count()
-    draw = ConfiguredScene.draw
+    draw = ConfiguredScene.render
 
     def interrupted(self, step, seed):
         if next(calls) == 2 + 4:  # after two first pictures and four points
             raise KeyboardInterrupt
         return draw(self, step, seed)
 
-    monkeypatch.setattr(ConfiguredScene, "draw", interrupted)
+    monkeypatch.setattr(ConfiguredScene, "render", interrupted)
     found = sweep(scene)
     assert found.interrupted
     assert [p.step for p in found.points] == [1, 2, 4, 8]

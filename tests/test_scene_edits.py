@@ -10,7 +10,7 @@ import raytrace as rt
 from raytrace.rendering import wavefront
 from raytrace.scene.fingerprint import fingerprint
 from raytrace.show.prepared_scene import prepare_scene
-from raytrace.show.scene_edits import SceneEdits, changed, refractive
+from raytrace.show.scene_edits import SceneEdits, edited, indices_of_refraction
 
 FILE = "scenes/cornell-box-glass.json"
 SIZE = (40, 30)
@@ -44,7 +44,7 @@ def written(**changes):
     ],
 )
 def test_it_is_the_scene_that_a_file_would_give(prepared, edits, changes):
-    scene, file = changed(prepared, edits._replace(spp=4)), written(**changes)
+    scene, file = edited(prepared, edits._replace(spp=4)), written(**changes)
     assert fingerprint(scene) == file.sha256
     drawn = rt.render(scene)
     np.testing.assert_array_equal(drawn.rgb, rt.render(file, spp=4, size=SIZE).rgb)
@@ -53,7 +53,7 @@ def test_it_is_the_scene_that_a_file_would_give(prepared, edits, changes):
 
 def test_the_scene_itself_is_left_alone(prepared):
     before = copy.deepcopy(prepared.scene)
-    changed(prepared, SceneEdits(30, 10, 2, 5, {"pane": 0.9}, 16))
+    edited(prepared, SceneEdits(30, 10, 2, 5, {"pane": 0.9}, 16))
     assert fingerprint(prepared.scene) == before.sha256 == fingerprint(before)
     np.testing.assert_array_equal(prepared.scene.materials.ior, before.materials.ior)
 
@@ -65,10 +65,10 @@ def test_no_tree_is_built_and_no_plan_made_again(prepared, monkeypatch):
     monkeypatch.setattr(wavefront, "BVH", forbidden)
     monkeypatch.setattr("raytrace.rendering.compiled_scenes.compile_scene", forbidden)
     monkeypatch.setattr("raytrace.rendering.compiled_scenes.make_plan", forbidden)
-    scene = changed(prepared, SceneEdits(30, 10, 0.7, 5, {"pane": 0.9}, 1))
+    scene = edited(prepared, SceneEdits(30, 10, 0.7, 5, {"pane": 0.9}, 1))
     assert rt.render(scene).complete
 
 
 def test_only_glass_has_an_index(prepared):
-    assert refractive(prepared.scene) == {"pane": 0.5}
-    assert refractive(rt.load("scenes/cornell-box.json")) == {}
+    assert indices_of_refraction(prepared.scene) == {"pane": 0.5}
+    assert indices_of_refraction(rt.load("scenes/cornell-box.json")) == {}

@@ -93,7 +93,7 @@ def test_a_reference_of_ones_own_is_used(scene, tmp_path, monkeypatch):
     monkeypatch.setattr(sweep, "make_reference", None)
     found = report(scene, tmp_path / "out", reference=path)
     assert found.about_reference["origin"] == str(path)
-    assert "its own error isn't known" in str(found)
+    assert "its error is unknown" in str(found)
 
 
 def test_what_has_no_time_is_left_out_and_named(scene, tmp_path, monkeypatch):
@@ -105,14 +105,14 @@ def test_what_has_no_time_is_left_out_and_named(scene, tmp_path, monkeypatch):
 
 
 def test_an_interrupt_leaves_a_report_of_what_was_measured(scene, tmp_path, monkeypatch):
-    draw = ConfiguredScene.draw
+    draw = ConfiguredScene.render
 
     def interrupted(self, step, seed):
         if seed == 1:  # the second round
             raise KeyboardInterrupt
         return draw(self, step, seed)
 
-    monkeypatch.setattr(ConfiguredScene, "draw", interrupted)
+    monkeypatch.setattr(ConfiguredScene, "render", interrupted)
     found = report(scene, tmp_path)
     assert found.interrupted
     assert {len(p.times) for p in found.points} == {1}
@@ -123,7 +123,7 @@ def test_an_interrupt_before_any_point_writes_nothing(scene, tmp_path, monkeypat
     def interrupted(self, step, seed):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(ConfiguredScene, "draw", interrupted)
+    monkeypatch.setattr(ConfiguredScene, "render", interrupted)
     with pytest.raises(KeyboardInterrupt):
         report(scene, tmp_path / "out")
     assert list((tmp_path / "out").iterdir()) == []
@@ -134,7 +134,7 @@ def test_an_interrupt_before_any_point_writes_nothing(scene, tmp_path, monkeypat
     [
         ({"budget": 0.0}, OptionError, "budget: expected seconds"),
         ({"budget": float("nan")}, OptionError, "budget: expected seconds"),
-        ({"budget": 1e-9, "reference": "t.npz"}, OptionError, "too few for a single point"),
+        ({"budget": 1e-9, "reference": "t.npz"}, OptionError, "not enough for a single point"),
         ({"size": (0, 4)}, OptionError, "size: "),
         ({"reference": "nowhere.npz"}, FileError, "nowhere.npz"),
         ({"reference": "t.npz", "size": (4, 4)}, OptionError, "has 12x10 pixels, the film 4x4"),

@@ -79,14 +79,14 @@ def _beyond(
     whole = critical(noise, alpha, 1) * float(np.sqrt(variance.sum())) / variance.size
     bias = [_excess(*both, whole, level) for both in zip(comparison.relative_bias, comparison.bias, strict=True)]
     side = min(TILE, difference.shape[0]) * min(TILE, difference.shape[1])
-    means, rows, columns = tile_means(difference[..., None])
-    deviation = np.sqrt(tile_means(variance[..., None])[0] / side)
-    excess = (np.abs(means) - critical(noise, alpha, means.size) * deviation)[..., 0]
+    tiles = tile_means(difference[..., None])
+    deviation = np.sqrt(tile_means(variance[..., None]).means / side)
+    excess = (np.abs(tiles.means) - critical(noise, alpha, tiles.means.size) * deviation)[..., 0]
     row, column = np.unravel_index(np.argmax(excess), excess.shape)
     return comparison._replace(
         relative_bias=(bias[0], bias[1], bias[2]),
         worst_tile=ratio(max(float(excess[row, column]), 0.0), level),
-        worst_tile_at=(int(rows[row]), int(columns[column])),
+        worst_tile_at=(int(tiles.rows[row]), int(tiles.columns[column])),
     )
 
 

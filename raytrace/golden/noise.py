@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.image.files import LUMINANCE
-
-ROUNDING = 1e-4  # of a pixel plus the mean: differences as small are rounding, or hang on the last bit of a ray
+from raytrace.image.metrics import ROUNDING
 
 
 class Noise(NamedTuple):

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from raytrace.golden.gates import Verdict
 from raytrace.golden.locations import GoldenLocation
 from raytrace.golden.noise import in_deviations, noise_of
-from raytrace.golden.spots import Spot, find, largest_channel, scale_of
+from raytrace.golden.spots import Spot, find, largest_channel
 from raytrace.golden.store import GoldenImage
 from raytrace.image.files import LUMINANCE, srgb8
-from raytrace.image.metrics import TILE, Comparison, ssim_map
+from raytrace.image.metrics import TILE, Comparison, difference_scale, ssim_map
 
 WIDTH = 320  # screen pixels that a small picture is blown up to, by a whole factor
 ENLARGED = 220  # likewise, a place that is enlarged
@@ -139,7 +139,7 @@ def _maps(actual: NDArray[np.float64], golden: GoldenImage, comparison: Comparis
     least = min(float(similarity.min()), 0.999)
     grey = np.clip((similarity - least) / (1 - least), 0, 1)[..., None] * np.ones(3)
     maps = [
-        _signed("difference", difference, scale_of(difference, golden.rgb), "(worst channel)", finite),
+        _signed("difference", difference, difference_scale(difference, golden.rgb), "(worst channel)", finite),
         Panel("SSIM", f"black {least:.3g}, white 1", (255 * grey + 0.5).astype(np.uint8)),
     ]
     worst = difference

@@ -5,12 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.golden.noise import ROUNDING
-from raytrace.image.files import LUMINANCE
 from raytrace.image.metrics import TILE, Comparison
 
 MARGIN = 8  # pixels around a place that are enlarged with it
-SHARE = 0.995  # of the pixels that differ lie within the scale of the difference
 
 
 class Spot(NamedTuple):
@@ -57,14 +54,3 @@ def largest_channel(difference: NDArray[np.float64]) -> NDArray[np.float64]:
     """Of each pixel the channel that differs most: (h, w) of (h, w, 3). Luminance hides a change of hue."""
     which = np.abs(difference).argmax(axis=2)[..., None]
     return np.take_along_axis(difference, which, axis=2)[..., 0]
-
-
-def scale_of(difference: NDArray[np.float64], golden: NDArray[np.float64]) -> float:
-    """Find the scale of a map of the difference (h, w): it holds nearly all that are more than rounding.
-
-    However few they are, they are seen; and one pixel that is far off doesn't hide the others.
-    """
-    light = np.abs(golden @ LUMINANCE)
-    size = np.abs(difference)
-    visible = size[size > ROUNDING * (light + light.mean())]
-    return float(np.quantile(visible, SHARE) if visible.size else size.max())

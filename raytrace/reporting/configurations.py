@@ -1,4 +1,4 @@
-"""The configurations of drawing a scene that the report on speed and error compares."""
+"""The configurations of the renderer that a report compares."""
 
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -17,30 +17,30 @@ from raytrace.scene.plan import make_plan
 
 SAMPLERS = "sobol", "stratified", "independent"
 SPP = tuple(1 << k for k in range(9))  # 1 .. 256 samples per pixel
-FEW_SPP = 4, 16, 64  # of the configurations that differ in speed alone, or are wrong at any number
-TARGETS = 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001  # errors that adaptive sampling is asked for
-ADAPTIVE_CAP = 4096  # most samples per pixel that it may take
-FEW_TRIANGLES = 4096  # up to so many are tested without a tree as well
-FAR = 1e3  # boxes of a tree that tells nothing: so many times the largest coordinate
+FEW_SPP = 4, 16, 64  # of configurations that differ only in speed, or are wrong at any number of samples
+TARGETS = 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001  # target errors of adaptive sampling
+ADAPTIVE_CAP = 4096  # limit of its samples per pixel
+FEW_TRIANGLES = 4096  # scenes up to this size are also rendered without a tree
+FAR = 1e3  # "no tree": size of all boxes, relative to the largest coordinate
 
 
 class Configuration(NamedTuple):
-    """One configuration of drawing, at any number of samples."""
+    """Settings of a render, except the number of samples."""
 
     sampler: str  # "sobol", "stratified" or "independent"
     precision: str  # "float32" or "float64"
     triangle: str = "watertight"  # or "moller-trumbore"
     tree: str = "sah"  # or "median", "none"
-    adaptive: bool = False  # samples go where the error is, until a target is reached
+    adaptive: bool = False  # adaptive sampling until a target error is reached
 
     @property
-    def usual(self) -> bool:
-        """Whether rays are traced as they always are: only such configurations can be chosen when a scene is drawn."""
+    def selectable(self) -> bool:
+        """Whether a user of ``render`` can choose it: rays are traced with the default triangle test and tree."""
         return (self.triangle, self.tree) == ("watertight", "sah")
 
     @property
     def name(self) -> str:
-        """What to call it in tables.
+        """Name of the configuration in tables.
 
         >>> Configuration("sobol", "float32", tree="none").name
         'sobol, float32, no tree'
@@ -51,7 +51,7 @@ class Configuration(NamedTuple):
 
 
 def configurations_of(scene: Scene) -> list[Configuration]:
-    """Ways that make sense for a scene; the first is how it is drawn by default."""
+    """Configurations to compare for a scene; the first is the default."""
     first = make_plan(scene).precision.name
     other = "float64" if first == "float32" else "float32"
     configurations = [Configuration(sampler, first) for sampler in SAMPLERS]
@@ -66,44 +66,44 @@ def configurations_of(scene: Scene) -> list[Configuration]:
 
 
 def steps_of(configuration: Configuration) -> tuple[float, ...]:
-    """Samples per pixel, or errors that adaptive sampling aims at, from cheap to dear."""
+    """Samples per pixel, or target errors for adaptive sampling, by increasing cost."""
     if configuration.adaptive:
         return TARGETS
-    return SPP if configuration.usual else FEW_SPP
+    return SPP if configuration.selectable else FEW_SPP
 
 
 def weight_of(configuration: Configuration, step: float) -> float:
-    """How much work a step is, beside others: samples per pixel, or a guess of them."""
+    """Relative amount of work of a step: samples per pixel, or an estimate of them."""
     return max(TARGETS[0] / step, FEW_SPP[0]) if configuration.adaptive else step
 
 
 class ConfiguredScene:
-    """A scene that is drawn in one of the configurations, on a tree of its own."""
+    """A scene that is rendered in one configuration, with a tree of its own."""
 
     def __init__(self, scene: Scene, configuration: Configuration, size: tuple[int, int]) -> None:
         self.configuration, self.size = configuration, size
-        self.scene = replace(scene)  # another object, so that its stage is another one
+        self.scene = replace(scene)  # a new object, so that it has its own compiled scene
         split = "median" if configuration.tree == "median" else "sah"
-        stage = compile_scene(scene, make_plan(scene), configuration.precision, split, configuration.triangle)
+        compiled = compile_scene(scene, make_plan(scene), configuration.precision, split, configuration.triangle)
         if configuration.tree == "none":
-            for bvh in _trees(stage):
+            for bvh in _trees(compiled):
                 _forget_boxes(bvh, _reach(scene))
-        set_compiled(self.scene, stage)
-        self.table_bytes = sum(_bytes(bvh) for bvh in _trees(stage))
+        set_compiled(self.scene, compiled)
+        self.table_bytes = sum(_bytes(bvh) for bvh in _trees(compiled))
 
-    def draw(self, step: float, seed: int) -> Render:
-        """Draw one picture."""
-        aim = {"spp": ADAPTIVE_CAP, "target_error": step} if self.configuration.adaptive else {"spp": int(step)}
-        how: dict[str, Any] = {
+    def render(self, step: float, seed: int) -> Render:
+        """Render one image; ``step`` is the samples per pixel, or the target error."""
+        sampling = {"spp": ADAPTIVE_CAP, "target_error": step} if self.configuration.adaptive else {"spp": int(step)}
+        options: dict[str, Any] = {
             "precision": self.configuration.precision,
             "sampler": self.configuration.sampler,
             "progress": False,
         }
-        return render(self.scene, size=self.size, seed=seed, **how, **aim)
+        return render(self.scene, size=self.size, seed=seed, **options, **sampling)
 
 
-def _trees(stage: CompiledScene) -> list[BVH]:
-    return list({id(bvh): bvh for bvh in (stage.bvh, *stage.shadow_bvhs)}.values())
+def _trees(compiled: CompiledScene) -> list[BVH]:
+    return list({id(bvh): bvh for bvh in (compiled.bvh, *compiled.shadow_bvhs)}.values())
 
 
 def _bytes(bvh: BVH) -> int:
@@ -111,13 +111,13 @@ def _bytes(bvh: BVH) -> int:
 
 
 def _reach(scene: Scene) -> float:
-    places = scene.mesh.vertices, scene.camera.position, scene.lights.position
-    return FAR * max(1.0, *(float(np.abs(place).max(initial=0.0)) for place in places))
+    positions = scene.mesh.vertices, scene.camera.position, scene.lights.position
+    return FAR * max(1.0, *(float(np.abs(position).max(initial=0.0)) for position in positions))
 
 
 def _forget_boxes(bvh: BVH, reach: float) -> None:
-    """Widen all boxes until every ray meets every one: then each ray is tested against all triangles."""
-    bvh.tree = unbundled(bvh.tree)  # a frustum would leave out triangles
+    """Enlarge all boxes so that every ray hits every box: then each ray is tested against all triangles."""
+    bvh.tree = unbundled(bvh.tree)  # a frustum would cull triangles
     boxes, used = boxes_of(bvh.tree.nodes), children_of(bvh.tree.nodes)[:, None, :] != 0
     for rows, plane in ((slice(0, 3), -reach), (slice(3, 6), reach)):
         boxes[:, rows] = np.where(used, plane, boxes[:, rows])

@@ -22,7 +22,8 @@ from raytrace.records import Scene
 from raytrace.reporting import measure
 from raytrace.reporting.analysis import needed
 from raytrace.reporting.configurations import SPP, Configuration, ConfiguredScene, steps_of
-from raytrace.reporting.measure import Point, Sweep
+from raytrace.reporting.measure import Sweep
+from raytrace.reporting.measurements import Point
 from raytrace.reporting.reference import make_reference
 from raytrace.reporting.sweep import written
 
@@ -50,7 +51,7 @@ class PeerSubject:
         self.configuration, self.size = way, size
         self._picture = peer_picture(scene, size, way.sampler.removeprefix(PEER))
 
-    def draw(self, step: float, seed: int) -> Any:
+    def render(self, step: float, seed: int) -> Any:
         """Draw one picture, and say of it what ``Render`` says; its rays are not counted."""
         spp = int(step)
         if self.configuration.sampler.endswith("orthogonal"):  # it wants the square of a prime
