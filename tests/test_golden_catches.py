@@ -35,7 +35,7 @@ def draw(scene):
 @pytest.fixture
 def approved(golden, tmp_path):
     """The goldens as they are, with default gates; what failures leave is thrown away."""
-    return Golden(golden.place._replace(failures=tmp_path), {}, update=False)
+    return Golden(golden.location._replace(failures=tmp_path), {}, update=False)
 
 
 def red(approved, picture, name="studio"):

@@ -32,9 +32,9 @@ def golden_light(height=96, width=128):
 
 def written(actual, golden, stderr=None, name="box"):
     approved = GoldenImage(golden, stderr, 1 if stderr is None else 8)
-    place = GoldenLocation(Path("/g"), Path("/"), Path("/f"), Path("/"), "tests/test_a.py::test_a")
+    location = GoldenLocation(Path("/g"), Path("/"), Path("/f"), Path("/"), "tests/test_a.py::test_a")
     verdict = judge(actual, approved, Gates())
-    text = page(Failure(name, place, "; ".join(verdict.broken), actual, approved, verdict))
+    text = page(Failure(name, location, "; ".join(verdict.broken), actual, approved, verdict))
     reader = Reader()
     reader.feed(text)
     assert reader.open == []
@@ -134,7 +134,7 @@ def test_a_noisy_golden_has_a_page_even_if_it_is_black(black):
     with np.errstate(all="raise", under="ignore"):
         text = written(actual, golden, 0 * golden[:, :, 0])
     assert "worst pixel <small>row 50, column 60;" in text or "worst tile <small>row 48, column 56;" in text
-    assert [title for title, _, _ in canvases(text)[:5]][-1] == "difference in deviations"
+    assert [title for title, _, _ in canvases(text)[:5]][-1] == "difference in standard deviations"
 
 
 def test_one_bright_pixel_does_not_hide_the_rest():
@@ -155,8 +155,8 @@ def test_the_channel_that_differs_most_has_its_sign():
 
 def test_spots_grow_within_the_image():
     assert Spot("", 0, 90, 8, 8).grown((20, 100)) == Spot("", 0, 82, 16, 18)
-    assert Spot("", 0, 0, 8, 8).holds(Spot("", 7, 7, 1, 1))
-    assert not Spot("", 0, 0, 8, 8).holds(Spot("", 7, 8, 1, 1))
+    assert Spot("", 0, 0, 8, 8).contains(Spot("", 7, 7, 1, 1))
+    assert not Spot("", 0, 0, 8, 8).contains(Spot("", 7, 8, 1, 1))
     equal = golden_light(4, 5)
     assert find(np.zeros((4, 5)), np.ones((4, 5), bool), compare(equal, equal)) == []
 
