@@ -55,7 +55,7 @@ def test_pixels_that_are_not_finite_are_told():
     image, reference = pictures()
     image[3, 4] = np.nan
     drawing = rt.show.error(image, reference)
-    assert "1 pixels not finite" in drawing.title
+    assert "pixels that are not finite: 1" in drawing.title
     assert np.isfinite(drawing.data["error"]).all()
 
 

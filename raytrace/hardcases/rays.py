@@ -252,34 +252,46 @@ def not_finite(dtype: np.dtype, _seed: int) -> RayQuery:
 def cases() -> Iterator[Case]:
     """All cases of rays, in a fixed order."""
     for k, (name, (mesh, inside)) in enumerate(CLOSED.items()):
-        must = "what is aimed at and a few ulps beside edges and vertices"
-        yield Case(f"{name}, from inside", 10 + k, f"meets a wall: {must}", partial(aimed, mesh(), inside, []))
-        yield Case(f"{name}, from outside", 20 + k, f"stops in front: {must}", partial(aimed, mesh(), [], OUTSIDE))
-    yield Case("lattice rays, triangles", 30, "rays through corners and in planes, nothing rounded", lattice_soup)
-    yield Case("lattice rays, slab planes", 31, "rays in the planes of touching boxes leave none", lattice_in_cubes)
-    yield Case("axes, signed zeros", 32, "zeros of either sign are the same ray", along_axes)
-    yield Case("denormal components", 33, "rays all but along an axis meet the wall", denormal)
+        must = "at edges and vertices, and a few ulps beside them"
+        yield Case(f"{name}, from inside", 10 + k, f"every ray hits a wall: {must}", partial(aimed, mesh(), inside, []))
+        yield Case(
+            f"{name}, from outside", 20 + k, f"no ray passes the front: {must}", partial(aimed, mesh(), [], OUTSIDE)
+        )
+    yield Case("lattice rays, triangles", 30, "exact answers for rays through corners and in planes", lattice_soup)
+    yield Case("lattice rays, slab planes", 31, "no ray in the planes of touching boxes leaves a box", lattice_in_cubes)
+    yield Case("axes, signed zeros", 32, "the sign of a zero does not matter", along_axes)
+    yield Case("denormal components", 33, "rays almost parallel to an axis hit the wall", denormal)
     yield Case("all but along walls", 38, "no ray leaves a box", along_walls)
-    yield Case("origins on the surface", 34, "what lies ahead is met", on_surface)
-    yield Case("origins in box planes", 35, "what lies ahead is met", in_box_planes)
+    yield Case("origins on the surface", 34, "triangles ahead of the origin are hit", on_surface)
+    yield Case("origins in box planes", 35, "triangles ahead of the origin are hit", in_box_planes)
     yield Case("no area, alone", 36, "points, needles and collinear corners are never hit", no_area)
     yield Case("no area, mixed in", 37, "triangles without area change nothing", some_without_area)
     for k, aspect in enumerate((1e6, 1e7, 1e8, 1e9)):
-        yield Case(f"slivers {aspect:.0e}, flat", 40 + k, "bands of slivers hold", partial(slivers, aspect, False))
-        yield Case(f"slivers {aspect:.0e}, turned", 50 + k, "bands of slivers hold", partial(slivers, aspect, True))
+        yield Case(
+            f"slivers {aspect:.0e}, flat",
+            40 + k,
+            "no ray passes through a band of slivers",
+            partial(slivers, aspect, False),
+        )
+        yield Case(
+            f"slivers {aspect:.0e}, turned",
+            50 + k,
+            "no ray passes through a band of slivers",
+            partial(slivers, aspect, True),
+        )
     for k, size in enumerate((1e-12, 1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9, 1e12)):
         yield Case(f"scale {size:.0e}", 60 + k, "size changes nothing", partial(scaled, size, 0.0))
     for k, shift in enumerate((1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7)):
-        yield Case(f"translation {shift:.0e}", 70 + k, "place changes nothing", partial(scaled, 1.0, shift))
-    yield Case("translation 1e+07, size 1e+03", 79, "place changes nothing", partial(scaled, 1e3, 1e7))
+        yield Case(f"translation {shift:.0e}", 70 + k, "translation changes nothing", partial(scaled, 1.0, shift))
+    yield Case("translation 1e+07, size 1e+03", 79, "translation changes nothing", partial(scaled, 1e3, 1e7))
     for k, distance in enumerate((1e2, 1e4, 1e6, 1e9, 1e12)):
         yield Case(f"origins {distance:.0e} away", 80 + k, "distance changes nothing", partial(far, distance))
     for k, length in enumerate((1e-20, 1e-10, 1e10, 1e20)):
         yield Case(f"directions {length:.0e} long", 90 + k, "length changes nothing", partial(long, length))
-    yield Case("grazing 1e-7, flat", 100, "what is all but parallel is met", partial(grazing, False))
-    yield Case("grazing 1e-7, turned", 101, "what is all but parallel is met", partial(grazing, True))
-    yield Case("huge beside tiny", 102, "tiny spheres are met before the huge floor", huge_and_tiny)
-    yield Case("coplanar overlaps", 103, "of equal distances the lowest prim_id", overlaps)
-    yield Case("10,000 duplicates", 104, "of equal triangles the lowest prim_id", duplicates)
-    yield Case("ends of the interval", 105, "it is open at both, and may be empty", ends)
+    yield Case("grazing 1e-7, flat", 100, "almost parallel triangles are hit", partial(grazing, False))
+    yield Case("grazing 1e-7, turned", 101, "almost parallel triangles are hit", partial(grazing, True))
+    yield Case("huge beside tiny", 102, "tiny spheres are hit before the huge floor", huge_and_tiny)
+    yield Case("coplanar overlaps", 103, "at equal distance, the lowest prim_id is returned", overlaps)
+    yield Case("10,000 duplicates", 104, "of equal triangles, the lowest prim_id is returned", duplicates)
+    yield Case("ends of the interval", 105, "the interval is open at both ends, and may be empty", ends)
     yield Case("rays not finite", 106, "nothing is hit", not_finite)

@@ -142,7 +142,7 @@ def on_ceiling(placement: Placement, dtype: np.dtype, seed: int) -> LightQuery:
 def shadow_cases() -> Iterator[ShadowCase]:
     """All cases of shadow rays, in a fixed order."""
     sizes = [Placement(size) for size in (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9, 1e12)]
-    lit, dark = "every point sees the light", "no point sees the light"
+    lit, dark = "every point is lit", "no point is lit"
     for placement in (*sizes, *(Placement(1.0, shift, 1e-4) for shift in (1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7))):
         yield ShadowCase(f"lit floor, {placement.name}", 200, lit, partial(lit_floor, placement))
         yield ShadowCase(f"lit sphere, {placement.name}", 210, lit, partial(lit_sphere, placement))

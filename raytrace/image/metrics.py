@@ -130,7 +130,7 @@ def violations(comparison: Comparison, limits: Limits) -> list[str]:
         (f"worst tile, at row {c.worst_tile_at[0]}, column {c.worst_tile_at[1]},", c.worst_tile, limits.max_worst_tile),
         ("share of outliers", c.outliers, limits.max_outliers),
     )
-    lines = [f"{c.non_finite} pixels aren't finite"] if c.non_finite else []
+    lines = [f"pixels that are not finite: {c.non_finite}"] if c.non_finite else []
     # `not <=`: NaN violates a limit
     lines += [f"{name} {v:.6g} is above {top:g}" for name, v, top in ceilings if top is not None and not v <= top]
     if limits.min_ssim is not None and not c.ssim >= limits.min_ssim:

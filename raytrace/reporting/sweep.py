@@ -77,10 +77,11 @@ class Report:
     def reference_text(self) -> str:
         """A sentence on the reference: its origin, samples and error."""
         about = self.about_reference
+        origin = {"drawn": "rendered", "cache": "from the cache"}.get(about["origin"], about["origin"])
         if about["error"] is None:
-            return f"The reference is {about['origin']}; its error is unknown."
+            return f"The reference is {origin}; its error is unknown."
         return (
-            f"The reference ({about['origin']}) has {about['spp']:,} samples per pixel in float64. Its RMSE (sRGB), "
+            f"The reference ({origin}) has {about['spp']:,} samples per pixel in float64. Its RMSE (sRGB), "
             f"estimated from the difference of its halves, is {about['error']:.1e}: "
             f"{about['ahead'] or math.inf:.3g} times smaller than that of the most accurate point."
         )

@@ -104,9 +104,7 @@ class _PreviewSender(Preview):
         """Send a preview if the last one is old enough."""
         if progress.stage != "rendering":
             return
-        if (
-            self._next and self._renderer.outdated()
-        ):  # not before the first frame: the user must see some while dragging
+        if self._next and self._renderer.outdated():  # the first frame is always sent: the user sees it while dragging
             raise _OutdatedError
         if time.perf_counter() >= self._next and self.whole():
             self._renderer.send_preview(self.picture(MAX_SIDE), float(self.samples.mean()))

@@ -54,7 +54,7 @@ def error(image: Any, reference: Any) -> Drawing:
     data = {"error": (a - b) @ LUMINANCE, "ssim": ssim_map(a, b)}
     bias = ", ".join(f"{channel:+.2%}" for channel in numbers.relative_bias)
     title = f"RMSE {numbers.rmse:.3g}; bias of red, green, blue {bias}; SSIM {numbers.ssim:.4f}"
-    title += f"; {numbers.non_finite} pixels not finite" if numbers.non_finite else ""
+    title += f"; pixels that are not finite: {numbers.non_finite}" if numbers.non_finite else ""
     height, width = finite.shape
     with new_figure(14, 5.5 * height / width + 2.1) as figure:
         figure.suptitle(title)

@@ -56,9 +56,8 @@ def cut(mesh: Mesh, plane: Plane) -> NDArray[np.float64]:
     above = corners[..., 2] > 0
     crossed = above.any(axis=1) & ~above.all(axis=1)
     corners, above = corners[crossed], above[crossed]
-    alone = np.where(
-        above.sum(axis=1) == 1, above.argmax(axis=1), (~above).argmax(axis=1)
-    )  # the one vertex on its side of the plane
+    single_above = above.sum(axis=1) == 1
+    alone = np.where(single_above, above.argmax(axis=1), (~above).argmax(axis=1))  # the only vertex on its side
     rows = np.arange(len(corners))
     apex = corners[rows, alone][:, None]
     others = np.stack([corners[rows, (alone + k) % 3] for k in (1, 2)], axis=1)

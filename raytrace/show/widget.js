@@ -140,7 +140,6 @@ function render({ model, el }) {
   const view = element("div", main, { className: "view" });
   const canvas = element("canvas", view, { width, height, tabIndex: 0, title: model.get("about") });
   canvas.style.width = `${scale * width}px`;
-  canvas.style.height = `${scale * height}px`;
   const mark = element("div", view, { className: "mark", hidden: true });
   const controls = element("div", main, { className: "controls" });
   const path = element("div", root, { className: "path" });
@@ -160,8 +159,8 @@ function render({ model, el }) {
   };
   listen(canvas, sender, model.get("elevation_limits"), (right, down) => {
     const pixel = [Math.floor(right * width), Math.floor(down * height)];
-    mark.style.left = `${scale * (pixel[0] + 0.5)}px`;
-    mark.style.top = `${scale * (pixel[1] + 0.5)}px`;
+    mark.style.left = `${(100 * (pixel[0] + 0.5)) / width}%`;
+    mark.style.top = `${(100 * (pixel[1] + 0.5)) / height}%`;
     mark.hidden = false;
     path.textContent = `tracing pixel (${pixel[0]}, ${pixel[1]}) ...`;
     model.send({ kind: "path", pixel });
