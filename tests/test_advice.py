@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from raytrace.reporting.advice import advice, nice_errors, useless_below
+from raytrace.reporting.advice import nice_errors, recommendations, useless_below
 from raytrace.reporting.analysis import fit_order, needed, orders_of
 from raytrace.reporting.configurations import Configuration
 from synthetic_points import DOUBLE, SOBOL, STRATIFIED, curve
@@ -16,7 +16,7 @@ MOLLER, BRUTE = (
 
 
 def sentences(points, gaps=None):
-    return advice(points, orders_of(points), gaps or {})
+    return recommendations(points, orders_of(points), gaps or {})
 
 
 def test_the_first_sentence_names_the_quickest_way_and_what_float64_costs():

@@ -14,7 +14,7 @@ from PIL import Image
 
 from raytrace.golden.gates import Gates, judge
 from raytrace.golden.locations import GoldenLocation
-from raytrace.golden.page import BRIGHTER, DARKER, NOT_FINITE, Failure, page
+from raytrace.golden.page import BRIGHTER, DARKER, NOT_FINITE, Failure, failure_page
 from raytrace.golden.spots import Spot, find, largest_channel
 from raytrace.golden.store import GoldenImage
 from raytrace.image.files import LUMINANCE
@@ -34,7 +34,7 @@ def written(actual, golden, stderr=None, name="box"):
     approved = GoldenImage(golden, stderr, 1 if stderr is None else 8)
     location = GoldenLocation(Path("/g"), Path("/"), Path("/f"), Path("/"), "tests/test_a.py::test_a")
     verdict = judge(actual, approved, Gates())
-    text = page(Failure(name, location, "; ".join(verdict.broken), actual, approved, verdict))
+    text = failure_page(Failure(name, location, "; ".join(verdict.broken), actual, approved, verdict))
     reader = Reader()
     reader.feed(text)
     assert reader.open == []

@@ -10,7 +10,7 @@ from raytrace.records import Settings
 from raytrace.rendering.rendering import render
 from raytrace.reporting import configurations, measure
 from raytrace.reporting.configurations import Configuration, ConfiguredScene, steps_of
-from raytrace.reporting.measure import ROUNDS, Sweep
+from raytrace.reporting.measure import REPETITIONS, Sweep
 from raytrace.reporting.reference import Reference
 from small_scenes import Part, look, make_scene, quad
 
@@ -43,7 +43,7 @@ def test_every_point_is_measured_in_every_round(scene):
     assert [(p.configuration, p.step) for p in found.points] == [
         (way, n) for way in (SOBOL, MEDIAN) for n in steps_of(way)
     ]
-    assert {len(p.times) for p in found.points} == {ROUNDS}
+    assert {len(p.times) for p in found.points} == {REPETITIONS}
     assert all(p.spp == p.step for p in found.points)
     assert found.left_out == ()
     assert not found.interrupted
@@ -60,7 +60,7 @@ def test_rounds_go_over_all_points_and_have_seeds_of_their_own(scene, monkeypatc
     monkeypatch.setattr(ConfiguredScene, "render", noted)
     sweep(scene, [SOBOL, MEDIAN])
     points = len(steps_of(SOBOL)) + len(steps_of(MEDIAN))
-    rounds = [drawn[len(drawn) - (ROUNDS - k) * points :][:points] for k in range(ROUNDS)]
+    rounds = [drawn[len(drawn) - (REPETITIONS - k) * points :][:points] for k in range(REPETITIONS)]
     for number, calls in enumerate(rounds):
         assert {seed for _, _, seed in calls} == {4 + number}  # the scene's seed is 4
         assert [call[:2] for call in calls] == [call[:2] for call in rounds[0]]
@@ -72,7 +72,7 @@ def test_rounds_go_over_all_points_and_have_seeds_of_their_own(scene, monkeypatc
 def test_errors_are_those_of_the_pictures(scene):
     reference = truth(scene)
     (point,) = (p for p in sweep(scene, reference=reference).points if p.step == 4)
-    each = [compare(render(scene, 4, SIZE, 4 + k, "float32", "sobol"), reference.rgb) for k in range(ROUNDS)]
+    each = [compare(render(scene, 4, SIZE, 4 + k, "float32", "sobol"), reference.rgb) for k in range(REPETITIONS)]
     assert point.rmse == pytest.approx(np.sqrt(np.mean([e.rmse**2 for e in each])))
     assert point.rmse_srgb == pytest.approx(np.sqrt(np.mean([e.rmse_srgb**2 for e in each])))
     assert point.relative_mse == pytest.approx(np.mean([e.relative_mse for e in each]))

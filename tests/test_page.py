@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from raytrace.reporting.measurements import Shown
-from raytrace.reporting.page import page
+from raytrace.reporting.page import report_page
 from test_sweep_table import a_report
 
 GREY = np.full((6, 8, 3), 128, np.uint8)
@@ -36,7 +36,7 @@ class Reader(HTMLParser):
 
 
 def written(**other):
-    return page(a_report(shown=SHOWN, **other), FILES)
+    return report_page(a_report(shown=SHOWN, **other), FILES)
 
 
 def pictures(text):

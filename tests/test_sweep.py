@@ -14,7 +14,6 @@ from raytrace.records import Settings
 from raytrace.rendering.rendering import render
 from raytrace.reporting import configurations, measure, reference, sweep
 from raytrace.reporting.configurations import ConfiguredScene
-from raytrace.reporting.plots import plots
 from raytrace.reporting.sweep import report
 from small_scenes import Part, look, make_scene, quad
 
@@ -30,14 +29,16 @@ def scene(tmp_path, monkeypatch):
     monkeypatch.setattr(configurations, "SPP", (1, 2, 4))
     monkeypatch.setattr(configurations, "FEW_SPP", (4,))
     monkeypatch.setattr(configurations, "TARGETS", (0.02,))
-    monkeypatch.setattr(sweep, "plots", lambda *_points: {"plot.svg": b"<svg/>"})  # one test asks for the real ones
+    monkeypatch.setattr(
+        sweep, "make_plots", lambda *_points: {"plot.svg": b"<svg/>"}
+    )  # one test asks for the real ones
     square = quad((-1, -0.7, 0), (0.8, -1, 0), (1, 0.8, 0), (-0.7, 1, 0))
     settings = Settings(SIZE, 1, 16, "sobol", "float32", 0)
     return make_scene([Part(square)], [((0, 0, 3), (150, 150, 150))], look((0, 0, 5), (0, 0, 0)), settings)
 
 
 def test_a_report_is_measured_written_and_returned(scene, tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep, "plots", plots)
+    monkeypatch.setattr(sweep, "make_plots", make_plots)
     told = []
     found = report(scene, tmp_path / "new" / "out", progress=told.append)
     folder = tmp_path / "new" / "out"
@@ -172,5 +173,5 @@ def test_a_scene_without_noise_has_no_error_and_still_a_report(tmp_path, scene):
 def test_it_measures_the_same_pictures_that_render_draws(scene, tmp_path):
     (point,) = (p for p in report(scene, tmp_path).points if p.configuration.name == "sobol, float32" and p.step == 4)
     kept = files.load(next((tmp_path / "cache" / "references").iterdir()))
-    errors = [rt.compare(render(scene, 4, seed=k), kept.rgb).rmse for k in range(measure.ROUNDS)]
+    errors = [rt.compare(render(scene, 4, seed=k), kept.rgb).rmse for k in range(measure.REPETITIONS)]
     assert point.rmse == pytest.approx(np.sqrt(np.mean(np.square(errors))))

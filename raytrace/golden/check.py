@@ -11,7 +11,7 @@ from raytrace.golden import store
 from raytrace.golden.gates import Gates, Verdict, judge
 from raytrace.golden.locations import GoldenLocation
 from raytrace.golden.noise import mean_of
-from raytrace.golden.page import Failure, page
+from raytrace.golden.page import Failure, failure_page
 from raytrace.golden.pixels import Encoding, to_light
 from raytrace.image.files import save
 from raytrace.output_folder import check_folder, write
@@ -129,7 +129,7 @@ class Golden:
         html, npz = (self.location.failure_file(failure.name, kind) for kind in FAILURE_FILES)
         check_folder(html.parent)
         save(npz, _within_float32(failure.actual))
-        write(html.parent, {html.name: page(failure).encode()})
+        write(html.parent, {html.name: failure_page(failure).encode()})
         numbers = "" if failure.verdict is None else f" ({failure.verdict})"
         raise AssertionError(f"golden {failure.name!r}: {failure.why}{numbers}; see {self.location.short(html)}")
 

@@ -60,7 +60,7 @@ class Panel(NamedTuple):
     codes: NDArray[np.uint8]  # (h, w, 3): sRGB
 
 
-def page(failure: Failure) -> str:
+def failure_page(failure: Failure) -> str:
     """HTML text of the page."""
     title = f"golden {failure.name}"
     actual = Panel("actual", "", srgb8(failure.actual))

@@ -16,7 +16,7 @@ OUTLIER = (
     0.05  # smallest difference of an outlier, relative to the pixel plus the mean: visible, and more than rounding
 )
 ROUNDING = 1e-4  # relative to the pixel plus the mean: differences below this come from rounding
-SHARE = 0.995  # share of the differing pixels within the colour scale of a difference map
+DIFFERENCE_QUANTILE = 0.995  # share of the differing pixels within the colour scale of a difference map
 SSIM_RADIUS = 5  # pixels: the 11 x 11 Gaussian window of [Wang2004], sigma 1.5
 
 
@@ -262,7 +262,7 @@ def difference_scale(difference: NDArray[np.floating], reference: NDArray[np.flo
     """
     light, size = np.abs(reference @ LUMINANCE), np.abs(difference)
     visible = size[size > ROUNDING * (light + light.mean())]
-    return float(np.quantile(visible, SHARE) if visible.size else size.max())
+    return float(np.quantile(visible, DIFFERENCE_QUANTILE) if visible.size else size.max())
 
 
 def ratio(x: float, y: float) -> float:

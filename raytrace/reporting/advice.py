@@ -17,7 +17,7 @@ NICE = 1, 2, 5  # advice is given for these errors times powers of ten
 Curves = Mapping[Configuration, Sequence[Point]]
 
 
-def advice(points: Sequence[Point], orders: Sequence[Order], gaps: Mapping[int, float]) -> list[str]:
+def recommendations(points: Sequence[Point], orders: Sequence[Order], gaps: Mapping[int, float]) -> list[str]:
     """Recommend settings; the first sentence is for an error in the middle of the measured range.
 
     Parameters

@@ -70,9 +70,7 @@ def orders_of(points: Iterable[Point]) -> list[Order]:
     """Orders of convergence (sRGB) of selectable configurations with three or more points, without adaptive ones."""
     orders = []
     for configuration, curve in curves_of(points).items():
-        if (
-            not configuration.selectable or configuration.adaptive
-        ):  # others have the same samples, and so the same order
+        if not configuration.selectable or configuration.adaptive:  # others have the same samples, so the same order
             continue
         good = [point for point in curve if point.rmse_srgb > 0.0]
         if len({point.spp for point in good}) > 2:

@@ -17,10 +17,8 @@ from raytrace.reporting.configurations import Configuration, ConfiguredScene, st
 from raytrace.reporting.measurements import First, Measured, Point, Shown
 from raytrace.reporting.reference import Reference
 
-ROUNDS = 3  # repetitions of each point, each with its own seed; one repetition covers all points
-MIN_ERROR = (
-    3.0  # times the error of the reference: smaller errors would be overestimated by more than 5 %, sqrt(1 + 1/9)
-)
+REPETITIONS = 3  # repetitions of each point, each with its own seed; one repetition covers all points
+MIN_ERROR = 3.0  # times the error of the reference; smaller errors would be overestimated by 5 %, sqrt(1 + 1/9)
 FIRST_SPP = 8  # samples per pixel of the first image: batches are full, so memory does not grow with more samples
 SHOWN_SPP = 1, 16, 256  # samples per pixel of the images on the page
 GROWTH = 4.0  # estimated ratio of times for the next target error: errors shrink as 1 / sqrt(time)
@@ -94,13 +92,13 @@ class Sweep:
     def run(self, configurations: Sequence[Configuration]) -> Measured:
         """Measure all configurations, as far as the time allows."""
         interrupted = False
-        self._total = ROUNDS * sum(
+        self._total = REPETITIONS * sum(
             weight_of(configuration, step) for configuration in configurations for step in steps_of(configuration)
         )
         try:
             scenes = [configured for configuration in configurations if (configured := self._first(configuration))]
-            self._first_round(scenes)
-            for number in range(1, ROUNDS):
+            self._first_repetition(scenes)
+            for number in range(1, REPETITIONS):
                 for task in self.tasks:
                     self._render(task, number)
         except KeyboardInterrupt:
@@ -113,7 +111,7 @@ class Sweep:
         left_out = tuple((f"{name}: {', '.join(steps)}", why) for name, (steps, why) in self.left_out.items())
         return Measured(points, tuple(self.firsts), tuple(self.shown), self.gaps, left_out, interrupted)
 
-    # --- parts --------------------------------------------------------------------------------------------------------
+    # --- renders ------------------------------------------------------------------------------------------------------
 
     def _first(self, configuration: Configuration) -> ConfiguredScene | None:
         """Render the first image of a configuration: measures compilation and memory, and estimates the speed."""
@@ -136,7 +134,7 @@ class Sweep:
         self._report()
         return configured
 
-    def _first_round(self, scenes: Sequence[ConfiguredScene]) -> None:
+    def _first_repetition(self, scenes: Sequence[ConfiguredScene]) -> None:
         """Render each point once, by increasing samples, as long as there is time for all its repetitions."""
         peaks = {first.configuration: first.peak_bytes for first in self.firsts}
         rates = {first.configuration: first.again / FIRST_SPP for first in self.firsts}
@@ -156,7 +154,10 @@ class Sweep:
                 )
             else:
                 forecast = rates[configuration] * (FIRST_SPP if configuration.adaptive else step)
-            if configuration not in stopped and time.perf_counter() + self._owed() + ROUNDS * forecast > self.end:
+            if (
+                configuration not in stopped
+                and time.perf_counter() + self._remaining() + REPETITIONS * forecast > self.end
+            ):
                 stopped[configuration] = self._late()
             if configuration in stopped:
                 self._leave_out(configuration, [step], stopped[configuration])
@@ -200,7 +201,7 @@ class Sweep:
         """Remove a target error if the next smaller one gave the same image: both are reached with it."""
         self.tasks.remove(task)
         self.shown = [shown for shown in self.shown if shown.name != _name(task)]
-        self._done += (ROUNDS - 1) * weight_of(task.scene.configuration, task.step)
+        self._done += (REPETITIONS - 1) * weight_of(task.scene.configuration, task.step)
 
     def _pair(self, task: _Task, image: Render) -> None:
         """Compare the two precisions where they have the same samples."""
@@ -214,9 +215,9 @@ class Sweep:
 
     # --- time ---------------------------------------------------------------------------------------------------------
 
-    def _owed(self) -> float:
+    def _remaining(self) -> float:
         """Estimated seconds for the remaining repetitions of the points measured so far."""
-        return sum((ROUNDS - 1) * task.whole[0] for task in self.tasks)
+        return sum((REPETITIONS - 1) * task.whole[0] for task in self.tasks)
 
     def _seed(self, number: int) -> int:
         return (self.scene.settings.seed + number) % (MAX_SEED + 1)
@@ -228,7 +229,7 @@ class Sweep:
         unit = "target error " if configuration.adaptive else ""
         texts = [f"{unit}{step:g}{'' if configuration.adaptive else ' spp'}" for step in steps]
         self.left_out.setdefault(configuration.name, ([], why))[0].extend(texts)
-        self._done += ROUNDS * sum(weight_of(configuration, step) for step in steps)
+        self._done += REPETITIONS * sum(weight_of(configuration, step) for step in steps)
 
     def _late(self) -> str:
         return "no time left; use a larger budget"

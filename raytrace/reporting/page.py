@@ -55,7 +55,7 @@ update();
 """
 
 
-def page(report: Any, files: Mapping[str, bytes]) -> str:
+def report_page(report: Any, files: Mapping[str, bytes]) -> str:
     """HTML page of a ``Report``; `files` has the plots by name."""
     about = report.about_scene
     title = f"{about['name']}: speed against error"

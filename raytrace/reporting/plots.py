@@ -52,7 +52,7 @@ def without_glyphs() -> Iterator[None]:
         yield
 
 
-def plots(points: Sequence[Point], front: Sequence[bool], orders: Sequence[Order], title: str) -> dict[str, bytes]:
+def make_plots(points: Sequence[Point], front: Sequence[bool], orders: Sequence[Order], title: str) -> dict[str, bytes]:
     """Make both plots as PNG and SVG; returns the content of the files by name."""
     import matplotlib as mpl
     from matplotlib.figure import Figure  # without pyplot: needs no window system

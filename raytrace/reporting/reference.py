@@ -151,13 +151,7 @@ def _from_cache(path: Path, size: tuple[int, int]) -> Reference | None:
             return None
         errors = float(record["error"]), float(record["pilot"])
         return Reference(kept.rgb, *errors, int(record["spp"]), float(record["seconds"]), "cache")
-    except (
-        FileError,
-        KeyError,
-        TypeError,
-        ValueError,
-        OverflowError,
-    ):  # not in the cache, or not a valid entry
+    except (FileError, KeyError, TypeError, ValueError, OverflowError):  # not in the cache, or not a valid entry
         return None
 
 

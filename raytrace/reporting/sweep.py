@@ -16,13 +16,13 @@ from raytrace.parallel import thread_count
 from raytrace.records import Scene
 from raytrace.rendering.options import override
 from raytrace.rendering.progress import Progress
-from raytrace.reporting.advice import advice
+from raytrace.reporting.advice import recommendations
 from raytrace.reporting.analysis import Order, orders_of, pareto
 from raytrace.reporting.configurations import configurations_of
 from raytrace.reporting.measure import Sweep
 from raytrace.reporting.measurements import First, Measured, Point, Shown
-from raytrace.reporting.page import page
-from raytrace.reporting.plots import check_matplotlib, plots
+from raytrace.reporting.page import report_page
+from raytrace.reporting.plots import check_matplotlib, make_plots
 from raytrace.reporting.reference import Reference, make_reference, read_reference
 from raytrace.reporting.sweep_table import as_json, text
 from raytrace.scene.load import load
@@ -202,7 +202,7 @@ def written(
     """Analyse the measurements and write all files."""
     orders, front = orders_of(found.points), pareto(found.points)
     about = _about(scene, size)
-    plot_files = plots(found.points, front, orders, str(about["name"]))
+    plot_files = make_plots(found.points, front, orders, str(about["name"]))
     names = (*plot_files, "report.json", "report.html")
     finished = Report(
         version=raytrace.__version__,
@@ -217,13 +217,13 @@ def written(
         firsts=found.firsts,
         gaps=found.gaps,
         shown=(Shown("reference", srgb8(truth.rgb), None), *found.shown),
-        advice=tuple(advice(found.points, orders, found.gaps)),
+        advice=tuple(recommendations(found.points, orders, found.gaps)),
         left_out=found.left_out,
         files=tuple(folder / name for name in names),
         interrupted=found.interrupted,
     )
     content = json.dumps(as_json(finished), indent=1, allow_nan=False) + "\n"
-    files = plot_files | {"report.json": content.encode(), "report.html": page(finished, plot_files).encode()}
+    files = plot_files | {"report.json": content.encode(), "report.html": report_page(finished, plot_files).encode()}
     write(folder, files)
     return finished
 

@@ -9,7 +9,7 @@ from raytrace.image.files import LUMINANCE, srgb8
 from raytrace.image.metrics import TILE, Comparison, compare, difference_scale, light_of, ssim_map
 from raytrace.show.drawing import BLACK, Drawing, new_figure, show_image
 
-SHARE = 0.995  # share of the pixels within the grey scale of the SSIM map
+SSIM_QUANTILE = 0.995  # share of the pixels within the grey scale of the SSIM map
 
 
 def error(image: Any, reference: Any) -> Drawing:
@@ -90,7 +90,7 @@ def _signed(figure: Any, axes: Any, difference: NDArray[np.float64], top: float,
 
 def _structure(figure: Any, axes: Any, similarity: NDArray[np.float64]) -> None:
     """Show the SSIM map."""
-    low = min(float(np.quantile(similarity, 1 - SHARE)), 0.99)
+    low = min(float(np.quantile(similarity, 1 - SSIM_QUANTILE)), 0.99)
     shown = show_image(axes, similarity, cmap="gray", vmin=low, vmax=1.0)
     axes.set_title(f"SSIM: smallest {similarity.min():.3g}")
     extend = "min" if similarity.min() < low else "neither"

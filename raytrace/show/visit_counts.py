@@ -13,7 +13,9 @@ from raytrace.records import Columns, Hits, Rays
 from raytrace.show.drawing import Drawing, new_figure, show_image
 from raytrace.show.prepared_scene import LABELS, AnyScene, pixel_centres, prepare_scene, tree_of
 
-SHARE = 0.999  # quantile at the top of the colour scale: otherwise a few rays along an edge would darken the rest
+SCALE_QUANTILE = (
+    0.999  # quantile at the top of the colour scale: otherwise a few rays along an edge would darken the rest
+)
 
 
 def heatmap(scene: AnyScene, size: tuple[int, int] | None = None, *, split: str = "sah") -> Drawing:
@@ -73,7 +75,7 @@ def _show(figure: Any, data: dict[str, NDArray[np.int64]]) -> None:
 
     words = {"nodes": "nodes visited", "triangles": "triangles tested, eight at a time"}
     for axes, (name, counts) in zip(figure.subplots(1, 2), data.items(), strict=True):
-        top = max(int(np.ceil(np.quantile(counts, SHARE))), 1)
+        top = max(int(np.ceil(np.quantile(counts, SCALE_QUANTILE))), 1)
         shown = show_image(axes, counts, cmap="inferno", vmin=0, vmax=top)
         axes.set_title(f"{words[name]}: mean {counts.mean():.1f}, maximum {counts.max()}")
         beyond = "max" if counts.max() > top else "neither"

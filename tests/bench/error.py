@@ -161,7 +161,7 @@ def options() -> Namespace:
 
 def main() -> None:
     args, found = options(), begin()
-    measure.ROUNDS, measure.steps_of = args.rounds, steps
+    measure.REPETITIONS, measure.steps_of = args.rounds, steps
     peers, missing = available()
     samplers = args.peer_samplers if Mitsuba in peers else ()
     if not samplers:
