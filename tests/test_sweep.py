@@ -14,6 +14,7 @@ from raytrace.records import Settings
 from raytrace.rendering.rendering import render
 from raytrace.reporting import configurations, measure, reference, sweep
 from raytrace.reporting.configurations import ConfiguredScene
+from raytrace.reporting.plots import make_plots
 from raytrace.reporting.sweep import report
 from small_scenes import Part, look, make_scene, quad
 

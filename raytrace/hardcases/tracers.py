@@ -55,7 +55,7 @@ class Tracer(Protocol):
 # --- packets and single rays -----------------------------------------------------------------------------------------
 
 
-def kind(d: Reals) -> NDArray[np.int64]:
+def octant_and_axis(d: Reals) -> NDArray[np.int64]:
     """Number of the octant and dominant axis of each ray."""
     return np.argmax(np.abs(d), axis=1) * 8 + (d < 0) @ np.array([1, 2, 4])
 
@@ -71,34 +71,43 @@ def scattered(answers: Any, order: NDArray[np.int64], n: int) -> Any:
 
 def packed(ask: Callable[..., Any], o: Reals, d: Reals, tmin: ArrayLike = 0.0, tmax: ArrayLike = np.inf) -> Any:
     """Trace rays sorted by octant and axis in full packets, so that they are traversed as packets."""
-    kinds = kind(d)
+    kinds = octant_and_axis(d)
     rows = [np.flatnonzero(kinds == number) for number in np.unique(kinds)]
-    order = np.concatenate([np.resize(mine, -(-len(mine) // PACKET) * PACKET) for mine in rows] or [kinds])
+    order = np.concatenate([np.resize(row, -(-len(row) // PACKET) * PACKET) for row in rows] or [kinds])
     limits = (np.broadcast_to(limit, len(d))[order] for limit in (tmin, tmax))
     return scattered(ask(o[order], d[order], *limits), order, len(d))
 
 
 def alone(ask: Callable[..., Any], o: Reals, d: Reals, tmin: ArrayLike = 0.0, tmax: ArrayLike = np.inf) -> Any:
     """Trace each ray as the only valid one of its packet and octant, so that it is traversed as a single ray."""
-    starts, lone, *ends = _apart(PACKET, o, d, tmin, tmax)
-    lone[1::PACKET] = -np.roll(d, 1, axis=1)  # another octant: so they form no bundle
-    return _first(PACKET, ask(starts, lone, *ends))
+    rays = _spaced(PACKET, o, d, tmin, tmax)
+    rays.d[1::PACKET] = -np.roll(d, 1, axis=1)  # another octant, so that they form no bundle
+    return _every(PACKET, ask(*rays))
 
 
 def bundled(ask: Callable[..., Any], o: Reals, d: Reals, tmin: ArrayLike = 0.0, tmax: ArrayLike = np.inf) -> Any:
     """Trace each ray as the only valid one of its bundle: behind the narrowest possible frustum."""
-    return _first(BUNDLE * PACKET, ask(*_apart(BUNDLE * PACKET, o, d, tmin, tmax)))
+    return _every(BUNDLE * PACKET, ask(*_spaced(BUNDLE * PACKET, o, d, tmin, tmax)))
 
 
-def _apart(n: int, o: Reals, d: Reals, tmin: ArrayLike, tmax: ArrayLike) -> list[Reals]:
+class _SpacedRays(NamedTuple):
+    """Rays n rows apart, with invalid rays between them."""
+
+    o: Reals  # (k n, 3)
+    d: Reals  # (k n, 3); NaN: invalid
+    tmin: Reals  # (k n,)
+    tmax: Reals  # (k n,)
+
+
+def _spaced(n: int, o: Reals, d: Reals, tmin: ArrayLike, tmax: ArrayLike) -> _SpacedRays:
     """Place the rays n rows apart, with invalid rays between them."""
     limits = (np.broadcast_to(limit, len(d)) for limit in (tmin, tmax))
-    starts, lone, *ends = (np.repeat(a, n, axis=0) for a in (o, d, *limits))
-    lone[np.arange(len(lone)) % n != 0] = np.nan
-    return [starts, lone, *ends]
+    rays = _SpacedRays(*(np.repeat(a, n, axis=0) for a in (o, d, *limits)))
+    rays.d[np.arange(len(rays.d)) % n != 0] = np.nan
+    return rays
 
 
-def _first(n: int, answers: Any) -> Any:
+def _every(n: int, answers: Any) -> Any:
     """Keep every n-th answer."""
     return Hits._make(column[::n] for column in answers) if isinstance(answers, Hits) else answers[::n]
 
@@ -175,9 +184,9 @@ class Ours:
             for (closest, _), *others in zip(paths(bvh), *map(paths, trees), strict=True):
                 hits = closest(query.o, query.d)
                 surface, dark = bvh.surface(hits), np.zeros(len(query.o), bool)
-                for light, mine, (_, occluded) in zip(lights, rows, others, strict=True):
-                    rays = renderer_shadow_rays(Surface._make(a[mine] for a in surface), light)
-                    dark[mine] = occluded(rays.o, rays.d, 0.0, rays.tmax) | (rays.tmax <= 0)
+                for light, row, (_, occluded) in zip(lights, rows, others, strict=True):
+                    rays = renderer_shadow_rays(Surface._make(a[row] for a in surface), light)
+                    dark[row] = occluded(rays.o, rays.d, 0.0, rays.tmax) | (rays.tmax <= 0)
                 yield Lit(hits.prim_id >= 0, dark)
 
 
