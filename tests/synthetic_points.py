@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from raytrace.reporting.configurations import Configuration
-from raytrace.reporting.measure import Point
+from raytrace.reporting.measurements import Point
 
 SOBOL, STRATIFIED, DOUBLE = (
     Configuration("sobol", "float32"),

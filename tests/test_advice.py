@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from raytrace.reporting.advice import advice, nice_errors, useless_below
+from raytrace.reporting.advice import nice_errors, recommendations, useless_below
 from raytrace.reporting.analysis import fit_order, needed, orders_of
 from raytrace.reporting.configurations import Configuration
 from synthetic_points import DOUBLE, SOBOL, STRATIFIED, curve
@@ -16,7 +16,7 @@ MOLLER, BRUTE = (
 
 
 def sentences(points, gaps=None):
-    return advice(points, orders_of(points), gaps or {})
+    return recommendations(points, orders_of(points), gaps or {})
 
 
 def test_the_first_sentence_names_the_quickest_way_and_what_float64_costs():
@@ -41,10 +41,10 @@ def test_no_point_that_was_measured_beats_the_advice():
     points = curve(SOBOL, lambda n: {1: 0.02, 4: 0.00287}.get(n, 0.001), 0.0)
     points += curve(STRATIFIED, lambda n: {1: 0.03, 4: 0.0049}.get(n, 0.002), 0.0)
     seconds = {(SOBOL, 1): 0.09, (SOBOL, 4): 0.0691, (STRATIFIED, 1): 0.06, (STRATIFIED, 4): 0.071}
-    points = [point._replace(times=(seconds.get((point.way, point.spp), 0.5),)) for point in points]
+    points = [point._replace(times=(seconds.get((point.configuration, point.spp), 0.5),)) for point in points]
     for error in (0.02, 0.01, 0.005, 0.003):
         for way in (SOBOL, STRATIFIED):
-            mine = [point for point in points if point.way == way]
+            mine = [point for point in points if point.configuration == way]
             reached = [point.seconds for point in mine if point.rmse_srgb <= error]
             assert needed(mine, error)[1] <= min(reached)
     (line,) = [line for line in sentences(points) if line.startswith("For RMSE 0.005 ")]
@@ -63,19 +63,19 @@ def test_only_what_a_user_can_choose_is_recommended():
     points += curve(BRUTE, lambda n: 0.1 / n, 7.0)
     told = sentences(points)
     assert "sobol, 5 spp, float32, 5.00 s" in told[0]
-    assert told[-1] == "Beside the usual way, moller-trumbore costs 0.1x, no tree costs 7x."
+    assert told[-1] == "Compared with the default, moller-trumbore costs 0.1x, no tree costs 7x."
 
 
 def test_a_test_that_loses_triangles_is_told_by_its_error():
     points = curve(SOBOL, lambda n: 0.1 / n, 1.0) + curve(MOLLER, lambda n: 0.1, 1.0)
-    assert sentences(points)[-1] == "Beside the usual way, moller-trumbore costs 1x and errs 64x as much."
+    assert sentences(points)[-1] == "Compared with the default, moller-trumbore costs 1x and has 64x the error."
 
 
 def test_float64_is_recommended_where_float32_never_gets_there():
     points = curve(SOBOL, lambda n: 0.1, 1.0) + curve(DOUBLE, lambda n: 0.1 / n, 2.0)
     told = sentences(points, {64: 0.1})
     assert "sobol, 5 spp, float64" in told[0]
-    assert told[0].endswith("; float64 costs 2x and is needed: float32 is off by more than the noise.")
+    assert told[0].endswith("; float64 costs 2x and is needed: the error of float32 is larger than the noise.")
 
 
 def test_equal_pictures_in_both_precisions_make_float64_useless():

@@ -45,7 +45,10 @@ def test_each_sampler_has_an_order_and_another_triangle_test_has_none():
     points = curve(SOBOL, lambda n: 1 / n, 1.0) + curve(STRATIFIED, lambda n: n**-0.5, 1.0)
     points += curve(Configuration("sobol", "float32", triangle="moller-trumbore"), lambda n: 1 / n, 1.0)
     points += curve(DOUBLE, lambda n: 1 / n, 1.0, (1, 4))  # two points are too few
-    assert [(fit.way, round(fit.order, 9)) for fit in orders_of(points)] == [(SOBOL, -1.0), (STRATIFIED, -0.5)]
+    assert [(fit.configuration, round(fit.order, 9)) for fit in orders_of(points)] == [
+        (SOBOL, -1.0),
+        (STRATIFIED, -0.5),
+    ]
 
 
 def test_a_picture_without_error_has_no_logarithm_and_is_left_out_of_the_fit():

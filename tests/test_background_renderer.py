@@ -12,9 +12,9 @@ import raytrace as rt
 from raytrace.errors import OptionError
 from raytrace.image.files import srgb8
 from raytrace.show import background_renderer
-from raytrace.show.background_renderer import Artist
-from raytrace.show.scene_edits import Knobs, changed
-from raytrace.show.scene_rays import make_subject
+from raytrace.show.background_renderer import BackgroundRenderer
+from raytrace.show.prepared_scene import prepare_scene
+from raytrace.show.scene_edits import SceneEdits, edited
 from small_scenes import studio
 
 SIZE = (64, 48)
@@ -24,14 +24,14 @@ class Desk:
     """Wants pictures, and keeps what comes."""
 
     def __init__(self, spp):
-        self.subject, self.knobs = make_subject(studio(), SIZE), Knobs(spp=spp)
+        self.prepared, self.edits = prepare_scene(studio(), SIZE), SceneEdits(spp=spp)
         self.frames, self.errors, self.made = [], [], []
         self.done = threading.Event()
-        self.artist = Artist(self.make, self.take, self.errors.append)
+        self.renderer = BackgroundRenderer(self.make, self.take, self.errors.append)
 
     def make(self):
-        self.made.append(self.knobs)
-        return changed(self.subject, self.knobs)
+        self.made.append(self.edits)
+        return edited(self.prepared, self.edits)
 
     def take(self, frame):
         self.frames.append((self.made[-1], frame))
@@ -41,7 +41,7 @@ class Desk:
     def wait(self):
         assert self.done.wait(120)
         limit = time.monotonic() + 600
-        while any(thread.name == "raytrace-artist" for thread in threading.enumerate()):
+        while any(thread.name == "raytrace-viewer" for thread in threading.enumerate()):
             assert time.monotonic() < limit
             time.sleep(0.01)
 
@@ -54,14 +54,14 @@ def test_a_rough_picture_first_and_the_whole_one_at_last(monkeypatch):
     monkeypatch.setattr(background_renderer, "PAUSE", 0.0)
     monkeypatch.setattr(background_renderer, "GRACE", 0.0)
     desk = Desk(64)
-    desk.artist.draw()
+    desk.renderer.request()
     desk.wait()
     frames = [frame for _, frame in desk.frames]
     assert [frame.kind for frame in frames[:-1]] == ["image/jpeg"] * (len(frames) - 1)
     assert frames[0].samples == 1
     assert [frame.samples for frame in frames] == sorted(frame.samples for frame in frames)
     assert frames[-1].samples == 64
-    right = srgb8(rt.render(changed(desk.subject, desk.knobs)).rgb)
+    right = srgb8(rt.render(edited(desk.prepared, desk.edits)).rgb)
     np.testing.assert_array_equal(pixels(frames[-1]), right)
     errors = [np.abs(pixels(frame) - right).mean() for frame in frames]
     assert errors[0] < 25  # of 255: one sample a pixel, and JPEG
@@ -70,15 +70,15 @@ def test_a_rough_picture_first_and_the_whole_one_at_last(monkeypatch):
 
 def test_what_nobody_wants_any_more_is_dropped():
     desk = Desk(65536)  # would take minutes
-    desk.artist.draw()
+    desk.renderer.request()
     while not desk.frames:
         time.sleep(0.001)
-    desk.knobs = Knobs(spp=2, power=3.0)
+    desk.edits = SceneEdits(spp=2, power=3.0)
     began = time.monotonic()
-    desk.artist.draw()
+    desk.renderer.request()
     desk.wait()
     assert time.monotonic() - began < 300
-    assert desk.made[-1] is desk.frames[-1][0] is desk.knobs
+    assert desk.made[-1] is desk.frames[-1][0] is desk.edits
     assert desk.frames[-1][1].samples == 2
 
 
@@ -88,8 +88,8 @@ def test_a_hand_that_never_rests_sees_pictures_all_the_same():
 
     def hand():
         while not stop.wait(0.001):  # more often than any picture is drawn
-            desk.knobs = desk.knobs._replace(azimuth=desk.knobs.azimuth + 1)
-            desk.artist.draw()
+            desk.edits = desk.edits._replace(azimuth=desk.edits.azimuth + 1)
+            desk.renderer.request()
 
     moving = threading.Thread(target=hand)
     moving.start()
@@ -100,22 +100,22 @@ def test_a_hand_that_never_rests_sees_pictures_all_the_same():
     moving.join()
     desk.wait()
     assert len(desk.frames) >= 5
-    assert desk.made[-1] == desk.knobs  # the last one is never forgotten
+    assert desk.made[-1] == desk.edits  # the last one is never forgotten
 
 
 def test_what_is_wrong_with_a_scene_is_told_and_the_next_one_drawn():
     desk = Desk(1)
-    make = desk.artist._make
+    make = desk.renderer._make
 
     def wrong():
-        desk.artist._make = make
+        desk.renderer._make = make
         raise OptionError("nothing to see")
 
-    desk.artist._make = wrong
-    desk.artist.draw()
+    desk.renderer._make = wrong
+    desk.renderer.request()
     while not desk.errors:
         time.sleep(0.001)
-    desk.artist.draw()
+    desk.renderer.request()
     desk.wait()
     assert [str(error) for error in desk.errors] == ["nothing to see"]
 
@@ -123,12 +123,12 @@ def test_what_is_wrong_with_a_scene_is_told_and_the_next_one_drawn():
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 def test_a_mistake_of_ours_is_told_and_the_next_picture_drawn_all_the_same():
     desk = Desk(1)
-    make, desk.artist._make = desk.artist._make, lambda: 1 / 0
-    desk.artist.draw()
+    make, desk.renderer._make = desk.renderer._make, lambda: 1 / 0
+    desk.renderer.request()
     while not desk.errors:
         time.sleep(0.001)
-    desk.artist._make = make
-    desk.artist.draw()
+    desk.renderer._make = make
+    desk.renderer.request()
     desk.wait()
     assert [str(error) for error in desk.errors] == ["division by zero"]
 
@@ -136,6 +136,6 @@ def test_a_mistake_of_ours_is_told_and_the_next_picture_drawn_all_the_same():
 @pytest.mark.parametrize("spp", [1, 3])
 def test_few_samples_are_enough(spp):
     desk = Desk(spp)
-    desk.artist.draw()
+    desk.renderer.request()
     desk.wait()
     assert desk.frames[-1][1].samples == spp

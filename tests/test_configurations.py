@@ -9,7 +9,7 @@ from raytrace.records import Hits, Rays
 from raytrace.rendering import compiled_scenes
 from raytrace.rendering.rendering import render
 from raytrace.reporting import configurations
-from raytrace.reporting.configurations import Configuration, Subject, steps_of, ways_of, weight_of
+from raytrace.reporting.configurations import Configuration, ConfiguredScene, configurations_of, steps_of, weight_of
 from small_scenes import Part, box, make_scene, studio
 
 SIZE = (24, 24)
@@ -18,16 +18,16 @@ SIZE = (24, 24)
 @pytest.mark.parametrize("tree", ["median", "none"])
 def test_a_tree_changes_no_bit_of_the_picture(tree):
     scene = studio()
-    subject = Subject(scene, Configuration("sobol", "float64", tree=tree), SIZE)
+    subject = ConfiguredScene(scene, Configuration("sobol", "float64", tree=tree), SIZE)
     expected = render(scene, 2, SIZE, 5, "float64", "sobol")
-    np.testing.assert_array_equal(subject.draw(2, 5).rgb, expected.rgb)
+    np.testing.assert_array_equal(subject.render(2, 5).rgb, expected.rgb)
 
 
 def test_without_a_tree_a_ray_is_tested_against_all_triangles():
     scene = studio()
     tested = {}
     for tree in ("sah", "none"):
-        subject = Subject(scene, Configuration("sobol", "float32", tree=tree), SIZE)
+        subject = ConfiguredScene(scene, Configuration("sobol", "float32", tree=tree), SIZE)
         stage = compiled_scenes._stages[subject.scene]["float32"]
         for name, bvh in (("all", stage.bvh), ("shadow", stage.shadow_bvhs[0])):
             work = bvh.work()
@@ -46,7 +46,7 @@ def test_without_a_tree_a_ray_is_tested_against_all_triangles():
 def test_a_scene_keeps_its_own_tree():
     scene = studio()
     before = render(scene, 1, SIZE, 0, "float32").rgb
-    Subject(scene, Configuration("sobol", "float32", triangle="moller-trumbore"), SIZE)
+    ConfiguredScene(scene, Configuration("sobol", "float32", triangle="moller-trumbore"), SIZE)
     assert compiled_scenes._stages[scene]["float32"].bvh.triangle == "watertight"
     np.testing.assert_array_equal(render(scene, 1, SIZE, 0, "float32").rgb, before)
 
@@ -55,15 +55,16 @@ def test_the_absolute_threshold_loses_small_triangles():
     scene = make_scene([Part(1e-3 * box((-1, -1, -1), (1, 1, 1)))], background=(0.1, 0.1, 0.1))
     scene = scene.__class__(**{**vars(scene), "camera": scene.camera._replace(position=np.array([0, 0, 5e-3]))})
     right, wrong = (
-        Subject(scene, Configuration("sobol", "float64", triangle=t), SIZE) for t in ("watertight", "moller-trumbore")
+        ConfiguredScene(scene, Configuration("sobol", "float64", triangle=t), SIZE)
+        for t in ("watertight", "moller-trumbore")
     )
-    assert (right.draw(1, 0).rgb == 0).any()  # a black box before the background
-    assert not (wrong.draw(1, 0).rgb == 0).any()
+    assert (right.render(1, 0).rgb == 0).any()  # a black box before the background
+    assert not (wrong.render(1, 0).rgb == 0).any()
 
 
 def test_the_first_way_is_the_usual_one_and_each_is_there_once():
     scene = studio()
-    found = ways_of(scene)
+    found = configurations_of(scene)
     assert found[0] == Configuration("sobol", "float64")  # as the scene asks
     assert len(set(found)) == len(found)
     assert {way.sampler for way in found} == {"sobol", "stratified", "independent"}
@@ -74,11 +75,11 @@ def test_the_first_way_is_the_usual_one_and_each_is_there_once():
 
 def test_a_large_scene_is_not_drawn_without_a_tree(monkeypatch):
     monkeypatch.setattr(configurations, "FEW_TRIANGLES", 100)
-    assert not [way for way in ways_of(studio()) if way.tree == "none"]
+    assert not [way for way in configurations_of(studio()) if way.tree == "none"]
 
 
 def test_adaptive_sampling_aims_at_ever_smaller_errors():
-    (way,) = (way for way in ways_of(studio()) if way.adaptive)
+    (way,) = (way for way in configurations_of(studio()) if way.adaptive)
     assert way.name == "sobol, adaptive, float64"
     assert list(steps_of(way)) == sorted(steps_of(way), reverse=True)
     weights = [weight_of(way, step) for step in steps_of(way)]

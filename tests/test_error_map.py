@@ -34,6 +34,15 @@ def test_the_frame_is_the_worst_tile():
     assert (frame.get_xy(), frame.get_width(), frame.get_height()) == ((15.5, 7.5), 8, 8)
 
 
+def test_a_defect_of_a_few_pixels_sets_the_scale_of_the_colours():
+    reference = np.random.default_rng(3).uniform(0.2, 0.8, (64, 64, 3))
+    image = reference * (1 + 1e-7)  # rounding
+    image[20:22, 30:32] += 0.1  # 0.1 % of the pixels
+    drawing = rt.show.error(image, reference)
+    (shown,) = [axes.images[0] for axes in drawing.figure.axes if axes.get_title().startswith("error")]
+    assert shown.get_clim() == pytest.approx((-0.1, 0.1), rel=1e-3)
+
+
 def test_equal_pictures_have_no_frame_and_no_error():
     image, _ = pictures()
     drawing = rt.show.error(image, image)
@@ -46,7 +55,7 @@ def test_pixels_that_are_not_finite_are_told():
     image, reference = pictures()
     image[3, 4] = np.nan
     drawing = rt.show.error(image, reference)
-    assert "1 pixels not finite" in drawing.title
+    assert "pixels that are not finite: 1" in drawing.title
     assert np.isfinite(drawing.data["error"]).all()
 
 

@@ -20,6 +20,6 @@ def test_studio_looks_like_its_golden(golden):
 
 
 def test_no_golden_is_left_over(golden):
-    folder = golden.place.folder
+    folder = golden.location.folder
     assert {path.stem for path in folder.glob("*.npz")} == {path.stem for path in SCENES} | {"studio"}
     assert {path.stem for path in folder.glob("*.png")} == {path.stem for path in folder.glob("*.npz")}

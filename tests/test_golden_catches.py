@@ -18,7 +18,7 @@ from raytrace.golden.check import Golden
 from raytrace.golden.gates import Gates, judge
 from raytrace.golden.noise import mean_of
 from raytrace.golden.pixels import to_light
-from raytrace.golden.store import Approved
+from raytrace.golden.store import GoldenImage
 from raytrace.image import files
 from small_scenes import studio
 
@@ -35,7 +35,7 @@ def draw(scene):
 @pytest.fixture
 def approved(golden, tmp_path):
     """The goldens as they are, with default gates; what failures leave is thrown away."""
-    return Golden(golden.place._replace(failures=tmp_path), {}, update=False)
+    return Golden(golden.location._replace(failures=tmp_path), {}, update=False)
 
 
 def red(approved, picture, name="studio"):
@@ -52,7 +52,7 @@ def seeded(scene, seed):
 @pytest.fixture(scope="module")
 def noisy():
     """What other seeds say of the studio: the mean of many pictures of the pipeline, and how they differ."""
-    return Approved(*mean_of(lambda seed: rt.render(seeded(studio(), seed)), 64, to_light), 64)
+    return GoldenImage(*mean_of(lambda seed: rt.render(seeded(studio(), seed)), 64, to_light), 64)
 
 
 def rejected(noisy, scene):

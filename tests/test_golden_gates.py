@@ -5,7 +5,7 @@ import pytest
 
 from raytrace.golden.gates import Gates, judge
 from raytrace.golden.noise import mean_of
-from raytrace.golden.store import Approved
+from raytrace.golden.store import GoldenImage
 
 NOISY = Gates(min_ssim=None, max_outliers=None)
 
@@ -20,7 +20,7 @@ def scene(shift=0.0):
 
 
 def gate(actual, expected):
-    return judge(np.asarray(actual, float), Approved(np.asarray(expected, float), None, 1), Gates()).broken
+    return judge(np.asarray(actual, float), GoldenImage(np.asarray(expected, float), None, 1), Gates()).broken
 
 
 def with_pixel(value):
@@ -90,7 +90,7 @@ def test_each_gate_sees_a_defect_that_no_other_sees(name):
 def test_a_gate_that_is_left_out_sees_nothing(name):
     seen = dict(zip(("max_bias", "max_worst_tile", "max_outliers", "min_ssim"), only_seen_by().values(), strict=True))
     actual, expected = (np.asarray(picture, float) for picture in seen[name])
-    assert judge(actual, Approved(expected, None, 1), Gates()._replace(**{name: None})).broken == ()
+    assert judge(actual, GoldenImage(expected, None, 1), Gates()._replace(**{name: None})).broken == ()
 
 
 @pytest.mark.parametrize("direction", [np.inf, -np.inf])
@@ -103,7 +103,7 @@ def test_one_late_sample_of_32_in_one_pixel_passes():
 
 
 def test_a_verdict_is_true_if_all_is_well_and_tells_its_numbers():
-    expected = Approved(scene().astype(float), None, 1)
+    expected = GoldenImage(scene().astype(float), None, 1)
     assert judge(expected.rgb, expected, Gates())
     verdict = judge(1.05 * expected.rgb, expected, Gates())
     assert not verdict
@@ -122,7 +122,7 @@ def noisy(seed, picture=None):
 
 @pytest.fixture(scope="module")
 def golden():
-    return Approved(*mean_of(noisy, 64, np.asarray), 64)
+    return GoldenImage(*mean_of(noisy, 64, np.asarray), 64)
 
 
 def test_false_alarms_are_as_rare_as_alpha_says(golden):
@@ -155,7 +155,7 @@ def test_a_defect_among_noise_turns_the_gate_red(golden, name):
 
 
 def test_noise_of_a_picture_that_has_none_leaves_room_for_rounding():
-    golden = Approved(*mean_of(lambda seed: scene(), 8, lambda rgb: np.asarray(rgb, float)), 8)
+    golden = GoldenImage(*mean_of(lambda seed: scene(), 8, lambda rgb: np.asarray(rgb, float)), 8)
     assert not golden.stderr.any()
     assert judge(np.nextafter(scene(), np.float32(1)).astype(float), golden, NOISY)
     assert not judge(1.003 * golden.rgb, golden, NOISY)
@@ -168,7 +168,7 @@ def test_without_alpha_the_z_test_is_left_out(golden):
 
 
 def noisy_golden(rgb, stderr=0.0, pictures=4):
-    return Approved(rgb, np.full(rgb.shape[:2], stderr), pictures)
+    return GoldenImage(rgb, np.full(rgb.shape[:2], stderr), pictures)
 
 
 @pytest.mark.parametrize("level", [0.0, -0.5, 1e-30])

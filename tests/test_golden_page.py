@@ -13,12 +13,12 @@ import pytest
 from PIL import Image
 
 from raytrace.golden.gates import Gates, judge
-from raytrace.golden.locations import Place
-from raytrace.golden.page import BRIGHTER, DARKER, NOT_FINITE, Failure, page
-from raytrace.golden.spots import Spot, find, largest_channel, scale_of
-from raytrace.golden.store import Approved
+from raytrace.golden.locations import GoldenLocation
+from raytrace.golden.page import BRIGHTER, DARKER, NOT_FINITE, Failure, failure_page
+from raytrace.golden.spots import Spot, find, largest_channel
+from raytrace.golden.store import GoldenImage
 from raytrace.image.files import LUMINANCE
-from raytrace.image.metrics import compare
+from raytrace.image.metrics import compare, difference_scale
 from test_page import Reader
 
 WHITE = (255, 255, 255)
@@ -31,10 +31,10 @@ def golden_light(height=96, width=128):
 
 
 def written(actual, golden, stderr=None, name="box"):
-    approved = Approved(golden, stderr, 1 if stderr is None else 8)
-    place = Place(Path("/g"), Path("/"), Path("/f"), Path("/"), "tests/test_a.py::test_a")
+    approved = GoldenImage(golden, stderr, 1 if stderr is None else 8)
+    location = GoldenLocation(Path("/g"), Path("/"), Path("/f"), Path("/"), "tests/test_a.py::test_a")
     verdict = judge(actual, approved, Gates())
-    text = page(Failure(name, place, "; ".join(verdict.broken), actual, approved, verdict))
+    text = failure_page(Failure(name, location, "; ".join(verdict.broken), actual, approved, verdict))
     reader = Reader()
     reader.feed(text)
     assert reader.open == []
@@ -134,18 +134,18 @@ def test_a_noisy_golden_has_a_page_even_if_it_is_black(black):
     with np.errstate(all="raise", under="ignore"):
         text = written(actual, golden, 0 * golden[:, :, 0])
     assert "worst pixel <small>row 50, column 60;" in text or "worst tile <small>row 48, column 56;" in text
-    assert [title for title, _, _ in canvases(text)[:5]][-1] == "difference in deviations"
+    assert [title for title, _, _ in canvases(text)[:5]][-1] == "difference in standard deviations"
 
 
 def test_one_bright_pixel_does_not_hide_the_rest():
     golden = golden_light()
     difference = np.full(golden.shape[:2], 0.01)
     difference[3, 3] = 100.0
-    assert scale_of(difference, golden) == pytest.approx(0.01)
+    assert difference_scale(difference, golden) == pytest.approx(0.01)
     difference[:] = 0.0
-    assert scale_of(difference, golden) == 0.0
+    assert difference_scale(difference, golden) == 0.0
     difference[3, 3] = 0.25
-    assert scale_of(difference, golden) == 0.25
+    assert difference_scale(difference, golden) == 0.25
 
 
 def test_the_channel_that_differs_most_has_its_sign():
@@ -155,8 +155,8 @@ def test_the_channel_that_differs_most_has_its_sign():
 
 def test_spots_grow_within_the_image():
     assert Spot("", 0, 90, 8, 8).grown((20, 100)) == Spot("", 0, 82, 16, 18)
-    assert Spot("", 0, 0, 8, 8).holds(Spot("", 7, 7, 1, 1))
-    assert not Spot("", 0, 0, 8, 8).holds(Spot("", 7, 8, 1, 1))
+    assert Spot("", 0, 0, 8, 8).contains(Spot("", 7, 7, 1, 1))
+    assert not Spot("", 0, 0, 8, 8).contains(Spot("", 7, 8, 1, 1))
     equal = golden_light(4, 5)
     assert find(np.zeros((4, 5)), np.ones((4, 5), bool), compare(equal, equal)) == []
 

@@ -59,7 +59,7 @@ def test_goldens_are_missing_then_written_then_kept(project, tmp_path):
     assert goldens(tmp_path) == []
     output, code = project("--update-goldens", "-n", "2")  # with pytest-xdist
     assert code == 0
-    told = re.search(r"= golden pictures written =+\n(.*?)\n\d+ passed", output, re.DOTALL)[1].splitlines()
+    told = re.search(r"= golden images written =+\n(.*?)\n\d+ passed", output, re.DOTALL)[1].splitlines()
     assert told == [f"checks/golden/{name}.npz and .png" for name in NAMES]
     written = goldens(tmp_path)
     assert written == [f"{name}.{kind}" for name in NAMES for kind in ("npz", "png")]
@@ -82,7 +82,7 @@ def test_goldens_are_missing_then_written_then_kept(project, tmp_path):
 
 def test_files_are_named_from_where_pytest_is_called(project, tmp_path):
     output, _ = project("test_pictures.py::test_noise", folder=tmp_path / "checks")
-    line = "there is no golden/noise.npz: look at the picture, then write it: pytest --update-goldens "
+    line = "there is no golden/noise.npz: look at the image, then write it: pytest --update-goldens "
     assert f"{line}test_pictures.py::test_noise; see ../golden-failures/checks/golden/noise.html" in output
     output, code = project("--update-goldens", "test_pictures.py::test_noise", folder=tmp_path / "checks")
     assert code == 0

@@ -162,8 +162,8 @@ def test_scores_add_up_and_progress_is_told(few):
 
 
 def test_peers_that_are_missing_are_told(monkeypatch):
-    monkeypatch.setattr(suite, "peers", lambda: ([], {"Embree": "not here"}))
-    monkeypatch.setattr(suite, "tracers", list)
+    monkeypatch.setattr(suite, "installed_tracers", lambda: ([], {"Embree": "not here"}))
+    monkeypatch.setattr(suite, "own_tracers", list)
     outcome = run()
     assert outcome.missing == {"Embree": "not here"}
     assert outcome.tracers == ()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rays
-from raytrace.hardcases.judge import BACKWARD, Judge, Query, Verdict, together
+from raytrace.hardcases.judge import BACKWARD, Judge, RayQuery, Verdict, merged
 from raytrace.records import Hits
 
 PRECISIONS = ("float32", "float64")
@@ -14,7 +14,7 @@ FLOOR = np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0]]), np.array([[0, 1, 2]])
 def judge(mesh, o, d, precision="float64", tmin=0.0, tmax=np.inf, inside=False):
     o, d = (np.asarray(a, precision) for a in np.broadcast_arrays(np.atleast_2d(o), np.atleast_2d(d)))
     tmin, tmax = (np.full(len(o), limit, precision) for limit in (tmin, tmax))
-    return Judge(Query(mesh[0].astype(precision), mesh[1], o, d, tmin, tmax, np.full(len(o), inside), False))
+    return Judge(RayQuery(mesh[0].astype(precision), mesh[1], o, d, tmin, tmax, np.full(len(o), inside), False))
 
 
 def hits(t, prim, u=0.0, v=0.0):
@@ -195,7 +195,7 @@ def test_the_lowest_of_the_nearest_is_told():
 def test_a_ray_is_right_if_all_answers_are():
     one = Verdict(np.array([True, False, False]), np.array([False, False, False]), 1e-7, np.nan)
     two = Verdict(np.array([False, False, False]), np.array([False, True, False]), np.nan, np.nan)
-    both = together([one, two])
+    both = merged([one, two])
     assert both.wrong.tolist() == [True, False, False]
     assert both.leak.tolist() == [False, True, False]
     assert both.t_error == 1e-7

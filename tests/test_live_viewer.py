@@ -66,14 +66,14 @@ def pixels(data):
 
 
 def test_the_browser_can_ask_for_a_picture_and_for_a_path(viewer):
-    viewer._hear(viewer, {"kind": "draw"}, [])
+    viewer._receive(viewer, {"kind": "render"}, [])
     until(lambda: viewer.sent and viewer.sent[-1][0].get("type") == "image/png")
-    viewer._hear(viewer, {"kind": "path", "pixel": [20, 15]}, [])
+    viewer._receive(viewer, {"kind": "path", "pixel": [20, 15]}, [])
     content, _ = viewer.sent[-1]
     assert content["kind"] == "path"
     assert "sample 0 of pixel (20, 15)" in content["html"]
-    viewer._hear(viewer, {"kind": "path", "pixel": [40, 15]}, [])
-    assert viewer.sent[-1][0] == {"kind": "trouble", "text": "pixel: expected a number from 0 to 39, got 40"}
+    viewer._receive(viewer, {"kind": "path", "pixel": [40, 15]}, [])
+    assert viewer.sent[-1][0] == {"kind": "error", "text": "pixel: expected a number from 0 to 39, got 40"}
 
 
 def test_knobs_refuse_nonsense_in_a_line(viewer):
@@ -176,9 +176,9 @@ def shown(page):
     return pixels(base64.b64decode(address.partition(",")[2]))[..., :3]
 
 
-def expected(**knobs):
+def expected(**edits):
     twin = rt.show.live("scenes/glass-sphere.json", spp=16)
-    for name, value in knobs.items():
+    for name, value in edits.items():
         setattr(twin, name, value)
     return srgb8(rt.render(twin.scene).rgb)
 
@@ -189,7 +189,7 @@ def label(page, text):
 
 def test_the_picture_at_rest_has_the_bits_of_render(page):
     np.testing.assert_array_equal(shown(page), expected())
-    assert page.locator(".raytrace-viewer .status").text_content() == "16 samples a pixel"
+    assert page.locator(".raytrace-viewer .status").text_content() == "16 samples per pixel"
 
 
 def test_there_is_a_slider_for_light_each_glass_and_samples(page):
@@ -198,7 +198,7 @@ def test_there_is_a_slider_for_light_each_glass_and_samples(page):
         "light",
         "index of glass",
         "index of air",
-        "samples a pixel",
+        "samples per pixel",
     ]
 
 
@@ -210,7 +210,7 @@ def test_sliders_do_what_they_say(page):
     moved(page, lambda: label(page, "samples").fill("3"))
     np.testing.assert_array_equal(shown(page), expected(ior={"glass": 1.8}, power=2.0, spp=8))
     moved(page, lambda: label(page, "samples").fill("4"))
-    moved(page, lambda: page.get_by_role("button", name="as in the file").click())
+    moved(page, lambda: page.get_by_role("button", name="Reset").click())
     np.testing.assert_array_equal(shown(page), expected())
 
 
@@ -223,7 +223,7 @@ def test_keys_and_the_wheel_turn_and_zoom(page):
     canvas(page).hover()
     moved(page, lambda: page.mouse.wheel(0, 200))
     np.testing.assert_array_equal(shown(page), expected(azimuth=5.0, elevation=5.0, distance=np.exp(0.3)))
-    moved(page, lambda: page.get_by_role("button", name="as in the file").click())
+    moved(page, lambda: page.get_by_role("button", name="Reset").click())
 
 
 def test_dragging_turns_the_scene_while_the_hand_moves(page):
@@ -241,7 +241,7 @@ def test_dragging_turns_the_scene_while_the_hand_moves(page):
     rest(page)
     assert seen > 5
     assert not np.array_equal(shown(page), expected())
-    moved(page, lambda: page.get_by_role("button", name="as in the file").click())
+    moved(page, lambda: page.get_by_role("button", name="Reset").click())
     np.testing.assert_array_equal(shown(page), expected())
 
 

@@ -9,8 +9,8 @@ from raytrace.image.metrics import compare
 from raytrace.records import Settings
 from raytrace.rendering.rendering import render
 from raytrace.reporting import configurations, measure
-from raytrace.reporting.configurations import Configuration, Subject, steps_of
-from raytrace.reporting.measure import ROUNDS, Sweep
+from raytrace.reporting.configurations import Configuration, ConfiguredScene, steps_of
+from raytrace.reporting.measure import REPETITIONS, Sweep
 from raytrace.reporting.reference import Reference
 from small_scenes import Part, look, make_scene, quad
 
@@ -40,8 +40,10 @@ def sweep(scene, ways=(SOBOL,), seconds=1e9, reference=None):
 
 def test_every_point_is_measured_in_every_round(scene):
     found = sweep(scene, [SOBOL, MEDIAN])
-    assert [(p.way, p.step) for p in found.points] == [(way, n) for way in (SOBOL, MEDIAN) for n in steps_of(way)]
-    assert {len(p.times) for p in found.points} == {ROUNDS}
+    assert [(p.configuration, p.step) for p in found.points] == [
+        (way, n) for way in (SOBOL, MEDIAN) for n in steps_of(way)
+    ]
+    assert {len(p.times) for p in found.points} == {REPETITIONS}
     assert all(p.spp == p.step for p in found.points)
     assert found.left_out == ()
     assert not found.interrupted
@@ -49,16 +51,16 @@ def test_every_point_is_measured_in_every_round(scene):
 
 def test_rounds_go_over_all_points_and_have_seeds_of_their_own(scene, monkeypatch):
     drawn = []
-    draw = Subject.draw
+    draw = ConfiguredScene.render
 
     def noted(self, step, seed):
-        drawn.append((self.way, step, seed))
+        drawn.append((self.configuration, step, seed))
         return draw(self, step, seed)
 
-    monkeypatch.setattr(Subject, "draw", noted)
+    monkeypatch.setattr(ConfiguredScene, "render", noted)
     sweep(scene, [SOBOL, MEDIAN])
     points = len(steps_of(SOBOL)) + len(steps_of(MEDIAN))
-    rounds = [drawn[len(drawn) - (ROUNDS - k) * points :][:points] for k in range(ROUNDS)]
+    rounds = [drawn[len(drawn) - (REPETITIONS - k) * points :][:points] for k in range(REPETITIONS)]
     for number, calls in enumerate(rounds):
         assert {seed for _, _, seed in calls} == {4 + number}  # the scene's seed is 4
         assert [call[:2] for call in calls] == [call[:2] for call in rounds[0]]
@@ -70,7 +72,7 @@ def test_rounds_go_over_all_points_and_have_seeds_of_their_own(scene, monkeypatc
 def test_errors_are_those_of_the_pictures(scene):
     reference = truth(scene)
     (point,) = (p for p in sweep(scene, reference=reference).points if p.step == 4)
-    each = [compare(render(scene, 4, SIZE, 4 + k, "float32", "sobol"), reference.rgb) for k in range(ROUNDS)]
+    each = [compare(render(scene, 4, SIZE, 4 + k, "float32", "sobol"), reference.rgb) for k in range(REPETITIONS)]
     assert point.rmse == pytest.approx(np.sqrt(np.mean([e.rmse**2 for e in each])))
     assert point.rmse_srgb == pytest.approx(np.sqrt(np.mean([e.rmse_srgb**2 for e in each])))
     assert point.relative_mse == pytest.approx(np.mean([e.relative_mse for e in each]))
@@ -112,13 +114,13 @@ def test_without_time_nothing_is_measured_and_all_is_named(scene):
 def test_what_would_not_be_done_in_time_is_not_begun(scene, monkeypatch):
     """With a clock by which every sample takes a second, and comparisons take no time."""
     now = [0.0]
-    draw = Subject.draw
+    draw = ConfiguredScene.render
 
     def slow(self, step, seed):
         now[0] += step
         return draw(self, step, seed)
 
-    monkeypatch.setattr(Subject, "draw", slow)
+    monkeypatch.setattr(ConfiguredScene, "render", slow)
     monkeypatch.setattr(measure.time, "perf_counter", lambda: now[0])
     reference = truth(scene)
     now[0] = 0.0
@@ -135,19 +137,19 @@ def test_what_a_reference_cannot_judge_is_left_out_by_name(scene):
     assert max(p.step for p in found.points) <= 8
     (what, why), = found.left_out  # fmt: skip
     assert what.endswith("16 spp, 32 spp, 64 spp, 128 spp, 256 spp")
-    assert "too accurate for a reference" in why
+    assert "too close to that of the reference" in why
 
 
 def test_an_interrupt_keeps_what_was_measured(scene, monkeypatch):
     calls = itertools.count()
-    draw = Subject.draw
+    draw = ConfiguredScene.render
 
     def interrupted(self, step, seed):
         if next(calls) == 2 + 4:  # after two first pictures and four points
             raise KeyboardInterrupt
         return draw(self, step, seed)
 
-    monkeypatch.setattr(Subject, "draw", interrupted)
+    monkeypatch.setattr(ConfiguredScene, "render", interrupted)
     found = sweep(scene)
     assert found.interrupted
     assert [p.step for p in found.points] == [1, 2, 4, 8]

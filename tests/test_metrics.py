@@ -130,7 +130,7 @@ def test_a_pixel_that_is_not_finite_is_counted_and_left_out_of_the_means(value, 
     assert c.non_finite == 1
     assert (c.rmse, c.bias) == (pytest.approx(compare(a, b).rmse), pytest.approx(compare(a, b).bias))
     assert np.isfinite([c.relative_mse, *c.relative_bias, c.ssim, c.worst_tile, c.outliers]).all()
-    assert violations(c, Limits()) == ["1 pixels aren't finite"]
+    assert violations(c, Limits()) == ["pixels that are not finite: 1"]
 
 
 def test_a_picture_without_a_finite_pixel_breaks_every_limit():

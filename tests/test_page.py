@@ -9,8 +9,8 @@ from io import BytesIO
 import numpy as np
 from PIL import Image
 
-from raytrace.reporting.measure import Shown
-from raytrace.reporting.page import page
+from raytrace.reporting.measurements import Shown
+from raytrace.reporting.page import report_page
 from test_sweep_table import a_report
 
 GREY = np.full((6, 8, 3), 128, np.uint8)
@@ -36,7 +36,7 @@ class Reader(HTMLParser):
 
 
 def written(**other):
-    return page(a_report(shown=SHOWN, **other), FILES)
+    return report_page(a_report(shown=SHOWN, **other), FILES)
 
 
 def pictures(text):
@@ -67,7 +67,7 @@ def test_each_picture_lies_beside_its_error():
     first, second = pictures(written())
     assert second["name"] == SHOWN[1].name
     for shown in (first, second):
-        for kind in ("picture", "error"):
+        for kind in ("image", "error"):
             data = b64decode(shown[kind].removeprefix("data:image/png;base64,"))
             assert Image.open(BytesIO(data)).size == (8, 6)
     black = np.asarray(Image.open(BytesIO(b64decode(first["error"].split(",")[1]))))

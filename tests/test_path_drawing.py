@@ -8,7 +8,7 @@ import pytest
 
 import raytrace as rt
 from raytrace.records import Mesh
-from raytrace.show.mesh_outline import wires
+from raytrace.show.mesh_outline import feature_lines
 from raytrace.show.path_section import Plane, cut
 from raytrace.show.path_tables import tables_of
 from small_scenes import Part, ball, box, look, make_scene, studio
@@ -86,19 +86,19 @@ def mesh_of(triangles):
 
 
 def test_a_box_has_twelve_wires_and_no_diagonal():
-    lines = wires(mesh_of(box((0, 0, 0), (1, 2, 3))), np.array([0.3, 0.5, 0.8]))
+    lines = feature_lines(mesh_of(box((0, 0, 0), (1, 2, 3))), np.array([0.3, 0.5, 0.8]))
     assert sorted(np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1).round(6).tolist()) == [1] * 4 + [2] * 4 + [3] * 4
 
 
 def test_objects_that_touch_share_their_corners_and_an_open_mesh_shows_its_boundary():
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 0], [1, 1, 0], [0, 1, 0]], float)
     mesh = Mesh(corners, np.array([[0, 1, 2], [3, 4, 5]]), None, np.zeros(2, np.int32), np.zeros(2, np.int32))
-    assert len(wires(mesh, np.array([0.0, 0.0, 1.0]))) == 4
+    assert len(feature_lines(mesh, np.array([0.0, 0.0, 1.0]))) == 4
 
 
 def test_a_smooth_ball_shows_its_outline():
     triangles, _ = ball(16)
-    lines = wires(mesh_of(triangles), np.array([0.0, 1.0, 0.0]))
+    lines = feature_lines(mesh_of(triangles), np.array([0.0, 1.0, 0.0]))
     assert len(lines) == 32  # once around, at the equator
     assert np.abs(lines[..., 1]).max() < 0.1
     np.testing.assert_allclose(np.linalg.norm(lines, axis=2), 1)

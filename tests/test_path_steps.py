@@ -8,7 +8,7 @@ import pytest
 import raytrace as rt
 from naive_sampling import film_points
 from raytrace.show.path_steps import follow
-from raytrace.show.scene_rays import make_subject
+from raytrace.show.prepared_scene import prepare_scene
 from shipped_scenes import SCENES, load
 from small_scenes import Part, ball, glass, look, make_scene, quad, studio
 
@@ -19,8 +19,8 @@ def scene(name):
     return load(next(path for path in SCENES if path.stem == name))
 
 
-def steps_of(subject, pixel=(4, 4), sample=0, size=None):
-    return follow(make_subject(subject, size), pixel, sample)
+def steps_of(prepared, pixel=(4, 4), sample=0, size=None):
+    return follow(prepare_scene(prepared, size), pixel, sample)
 
 
 @pytest.mark.parametrize("name", ["cornell-box-glass", "glass-sphere", "prism", "room"])
@@ -109,8 +109,8 @@ def test_depth_that_is_spent_is_told():
 def test_shadow_rays_are_blocked_where_something_stands_in_the_way():
     lid = quad((-2, 1, 2), (2, 1, 2), (2, 1, -2), (-2, 1, -2))
     lights = [((0, 4, 0), (10, 10, 10)), ((9, 4, 9), (10, 10, 10)), ((0, -4, 0), (10, 10, 10))]
-    subject = make_scene([Part(FLOOR), Part(lid)], lights, look((0, 0.5, 4), (0, 0, 0)))
-    steps = steps_of(subject)
+    prepared = make_scene([Part(FLOOR), Part(lid)], lights, look((0, 0.5, 4), (0, 0, 0)))
+    steps = steps_of(prepared)
     assert [ray.event for ray in steps.shadows] == ["blocked", "reaches", "faces away"]
     blocked = steps.shadows[0]
     assert (blocked.o + blocked.t * blocked.d)[1] == pytest.approx(1.0)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace.hardcases import peers
+from raytrace.hardcases import other_tracers
 from raytrace.hardcases.judge import Judge
 from raytrace.hardcases.rays import cases
 from raytrace.hardcases.shadows import shadow_cases
@@ -10,7 +10,7 @@ from raytrace.hardcases.shadows import shadow_cases
 PRECISIONS = ("float32", "float64")
 
 
-class Known(peers.Peer):
+class Known(other_tracers.OtherTracer):
     """A peer that is our own tree, but knows no tmin, and no offsets."""
 
     name, modules = "numpy", ("numpy",)
@@ -32,7 +32,7 @@ def test_offsets_are_256_ulps_or_a_small_length_along_the_normal(shift, precisio
     p = (rng.uniform(-1, 1, (300, 3)) + shift).astype(precision)
     n = rng.normal(size=(300, 3))
     n = (n / np.linalg.norm(n, axis=1, keepdims=True)).astype(precision)
-    moved = peers.offset(p, n) - p
+    moved = other_tracers.offset(p, n) - p
     assert (moved * n >= 0).all()
     ulps = np.abs(moved) / np.spacing(np.abs(p))
     large = np.abs(p) >= 1 / 32
@@ -61,34 +61,36 @@ def test_peers_that_are_not_there_are_named_with_the_reason(monkeypatch):
     class Absent(Known):
         name, modules = "nothing", ("no_such_module_anywhere", "numpy")
 
-    monkeypatch.setattr(peers, "PEERS", (Known, Absent))
-    found, missing = peers.peers()
+    monkeypatch.setattr(other_tracers, "OTHER_TRACERS", (Known, Absent))
+    found, missing = other_tracers.installed_tracers()
     assert [peer.name for peer in found] == ["numpy"]
     assert found[0].version == np.__version__
     assert missing == {"nothing": "not installed; pip install no_such_module_anywhere"}
 
 
-@pytest.mark.parametrize("kind", peers.PEERS, ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", other_tracers.OTHER_TRACERS, ids=lambda kind: kind.name)
 def test_a_package_that_is_not_installed_is_the_first_thing_to_say(monkeypatch, kind):
     monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
-    monkeypatch.setattr(peers, "find_spec", lambda name: None)
+    monkeypatch.setattr(other_tracers, "find_spec", lambda name: None)
     with pytest.raises(ImportError, match=f"^not installed; pip install {' '.join(kind.modules)}$"):
         kind()
 
 
 def test_mitsuba_is_asked_in_both_of_its_settings():
-    settings = {kind.name: kind.robust for kind in peers.PEERS if issubclass(kind, peers.Mitsuba)}
+    settings = {
+        kind.name: kind.robust for kind in other_tracers.OTHER_TRACERS if issubclass(kind, other_tracers.Mitsuba)
+    }
     assert settings == {"Mitsuba": False, "Mitsuba, robust": True}
 
 
 def test_mitsuba_is_not_tried_without_a_library_that_is_known_to_work(monkeypatch):
-    monkeypatch.setattr(peers, "find_spec", lambda name: True)
+    monkeypatch.setattr(other_tracers, "find_spec", lambda name: True)
     monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
     with pytest.raises(ImportError, match="DRJIT_LIBLLVM_PATH"):
-        peers.Mitsuba()
+        other_tracers.Mitsuba()
 
 
-@pytest.mark.parametrize("kind", peers.PEERS, ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", other_tracers.OTHER_TRACERS, ids=lambda kind: kind.name)
 def test_a_peer_that_is_installed_finds_a_floor_and_its_light(kind):
     try:
         peer = kind()

@@ -8,7 +8,7 @@ import pytest
 from raytrace.errors import RaytraceError
 from raytrace.reporting.analysis import orders_of, pareto
 from raytrace.reporting.configurations import Configuration
-from raytrace.reporting.plots import check_matplotlib, heat, plots
+from raytrace.reporting.plots import check_matplotlib, heat, make_plots
 from synthetic_points import DOUBLE, SOBOL, curve
 
 ROOT = Path(__file__).parents[1]
@@ -20,7 +20,7 @@ def drawn():
     points += curve(BRUTE, lambda n: 0.1 / n, 0.5) + curve(
         Configuration("sobol", "float32", adaptive=True), lambda n: 0.05 / n, 0.1
     )
-    return plots(points, pareto(points), orders_of(points), "box")
+    return make_plots(points, pareto(points), orders_of(points), "box")
 
 
 def test_both_plots_come_as_png_and_svg():
@@ -38,7 +38,7 @@ def test_the_same_points_give_the_same_bytes():
 
 def test_points_without_error_or_fit_are_no_problem():
     points = curve(SOBOL, lambda n: 0.0, 0.1, (1,))
-    assert len(plots(points, [True], [], "black")) == 4
+    assert len(make_plots(points, [True], [], "black")) == 4
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,7 @@ def test_points_without_error_or_fit_are_no_problem():
 )
 def test_no_name_is_a_formula(name):
     points = curve(SOBOL, lambda n: 0.1 / n, 0.1)
-    files = plots(points, pareto(points), orders_of(points), name)
+    files = make_plots(points, pareto(points), orders_of(points), name)
     assert f"<!-- {name} -->" in files["error-against-time.svg"].decode()  # matplotlib notes each text that it draws
 
 

@@ -46,11 +46,11 @@ REFUSED = {
     "times": (np.zeros((5, 6, 3), "M8[s]"), "rgb: expected floats, got datetime64[s]"),
     "words": (np.full((5, 6, 3), "a"), "rgb: expected floats, got str32"),
     "bytes": (np.full((5, 6, 3), b"a"), "rgb: expected floats, got bytes8"),
-    "a number": (np.float32(1.0), "not a whole NPZ image: rgb: expected shape (height, width, 3), got ()"),
-    "no pixels": (RGB[:0], "not a whole NPZ image: rgb: expected shape (height, width, 3), got (0, 6, 3)"),
-    "grey": (RGB[:, :, 0], "not a whole NPZ image: rgb: expected shape (height, width, 3), got (5, 6)"),
-    "too large": (np.full((5, 6, 3), 1e39), "not a whole NPZ image: rgb: values that float32 can't hold"),
-    "too small": (np.full((5, 6, 3), -1e300), "not a whole NPZ image: rgb: values that float32 can't hold"),
+    "a number": (np.float32(1.0), "not a valid NPZ image: rgb: expected shape (height, width, 3), got ()"),
+    "no pixels": (RGB[:0], "not a valid NPZ image: rgb: expected shape (height, width, 3), got (0, 6, 3)"),
+    "grey": (RGB[:, :, 0], "not a valid NPZ image: rgb: expected shape (height, width, 3), got (5, 6)"),
+    "too large": (np.full((5, 6, 3), 1e39), "not a valid NPZ image: rgb: values that float32 can't hold"),
+    "too small": (np.full((5, 6, 3), -1e300), "not a valid NPZ image: rgb: values that float32 can't hold"),
 }
 
 
@@ -61,7 +61,7 @@ def test_numbers_that_are_no_light_are_refused(path, name):
 
 
 def test_objects_are_refused(path):
-    assert "rgb.npy holds Python objects (a pickle)" in refused(path, rgb=np.array([{}], dtype=object))
+    assert "rgb.npy contains Python objects (a pickle)" in refused(path, rgb=np.array([{}], dtype=object))
     nested = np.zeros((5, 6, 3), [("a", object)])
     assert "Python objects" in refused(path, rgb=nested)
     assert "Python objects" in refused(path, rgb=RGB, provenance=np.array({}, dtype=object))
@@ -104,9 +104,9 @@ def test_floats_of_other_sizes_and_orders_are_read(path):
         (np.array(["{}"]), "provenance: expected a text, got str64 of shape (1,)"),
         (np.array(b"{}"), "provenance: expected a text, got bytes16 of shape ()"),
         (np.array("[1, 2]"), "provenance: expected a JSON object"),
-        (np.array("seven"), "its text provenance is no JSON; remove it"),
-        (np.array("[" * 9000), "its text provenance is no JSON; remove it"),
-        (np.array('{"a": ' + "9" * 5000 + "}"), "its text provenance is no JSON; remove it"),
+        (np.array("seven"), "its text provenance is not valid JSON; remove it"),
+        (np.array("[" * 9000), "its text provenance is not valid JSON; remove it"),
+        (np.array('{"a": ' + "9" * 5000 + "}"), "its text provenance is not valid JSON; remove it"),
     ],
 )
 def test_a_provenance_is_a_json_object(path, provenance, words):
@@ -140,7 +140,7 @@ def test_a_corrupt_lzma_member_is_one_line(path):
     whole = members(path, zipfile.ZIP_LZMA, rgb=RGB)
     at = 30 + len("rgb.npy") + 9
     path.write_bytes(whole[:at] + b"\xff" * 40 + whole[at + 40 :])
-    assert refused(path).startswith("not a whole NPZ image: ")
+    assert refused(path).startswith("not a valid NPZ image: ")
     with pytest.raises(lzma.LZMAError), zipfile.ZipFile(path) as file:
         file.read("rgb.npy")
 
@@ -187,7 +187,7 @@ def test_a_member_that_is_encrypted_or_twice_there_is_no_traceback(path):
     whole[6] |= 1
     whole[whole.index(b"PK\1\2") + 8] |= 1
     path.write_bytes(whole)
-    assert refused(path).startswith("not a whole NPZ image: ")
+    assert refused(path).startswith("not a valid NPZ image: ")
 
 
 def test_saving_refuses_what_a_file_would_not_give_back(tmp_path):

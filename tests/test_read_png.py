@@ -91,7 +91,7 @@ def test_an_interlaced_one_is_the_same(load):
 @pytest.mark.parametrize("kind", [0, 2, 4, 6])
 def test_16_bits_are_refused_in_every_colour_type(refused, kind):
     channels = {0: 1, 2: 3, 4: 2, 6: 4}[kind]
-    assert refused(png([bytes(12 * channels)] * 5, 16, kind)) == "16 bits a channel; use 8 bits, .exr or .npz"
+    assert refused(png([bytes(12 * channels)] * 5, 16, kind)) == "16 bits per channel; use 8 bits, .exr or .npz"
 
 
 def alpha_rows(alpha):
@@ -148,7 +148,7 @@ def wide_gamut():
 OTHER_COLOURS = {
     "gamma": ((b"gAMA", struct.pack(">I", 100_000)), "its gamma is 1, that of sRGB 0.45455; convert it to sRGB"),
     "primaries": ((b"cHRM", struct.pack(">8I", *SRGB_CHRM[:2], 70800, 29200, *SRGB_CHRM[4:])), "its primaries are not"),
-    "cut primaries": ((b"cHRM", b"\0" * 5), "not a whole PNG image: "),
+    "cut primaries": ((b"cHRM", b"\0" * 5), "not a valid PNG image: "),
     "code points": ((b"cICP", bytes([9, 16, 0, 1])), "its colours are not sRGB's (cICP)"),
     "profile": ((b"iCCP", wide_gamut()), "its colour profile is not that of sRGB"),
     "broken profile": ((b"iCCP", b"icc\0\0" + zlib.compress(b"hello")), "its colour profile can't be applied"),
@@ -181,7 +181,7 @@ def test_srgb_by_other_words_is_read(load, chunks):
 )
 def test_an_exposure_that_is_none_is_refused(refused, text):
     line = refused(png(RGB, 8, 2, (b"tEXt", b"raytrace:exposure\0" + text.encode())))
-    assert line.startswith("its text raytrace:exposure is no ")
+    assert line.startswith("its text raytrace:exposure is not ")
 
 
 def test_exposures_at_the_ends_are_read(load):
@@ -191,14 +191,17 @@ def test_exposures_at_the_ends_are_read(load):
 
 
 def test_a_provenance_that_is_no_json_is_refused(refused):
-    assert refused(png(RGB, 8, 2, (b"tEXt", b"raytrace:seed\0four"))) == "its text raytrace:seed is no JSON; remove it"
+    assert (
+        refused(png(RGB, 8, 2, (b"tEXt", b"raytrace:seed\0four")))
+        == "its text raytrace:seed is not valid JSON; remove it"
+    )
 
 
 def test_what_pillow_would_not_notice_is_refused(refused):
     whole = png(RGB, 8, 2)
     at = whole.index(b"IDAT")
     assert "checksum of its chunk IDAT" in refused(whole[: at + 9] + bytes([whole[at + 9] ^ 1]) + whole[at + 10 :])
-    assert "cut short" in refused(whole[:-12])
+    assert "truncated" in refused(whole[:-12])
     assert "does not begin" in refused(b"GIF89a" + whole)
     assert "does not begin with a header" in refused(b"\x89PNG\r\n\x1a\n" + chunk(b"IEND", b""))
     assert "no header" in refused(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", b"") + chunk(b"IEND", b""))
@@ -252,9 +255,9 @@ def test_pixels_may_be_in_pieces_that_follow_each_other(load, refused):
 
 def test_chunks_out_of_place_are_refused(refused):
     key = (b"tRNS", bytes(6))
-    assert "tRNS is there twice, or comes too late" in refused(pieces(None, key))
-    assert "tRNS is there twice, or comes too late" in refused(pieces(key, key, None))
-    assert "IHDR is there twice" in refused(pieces((b"IHDR", bytes(13)), None))
+    assert "tRNS appears twice or too late" in refused(pieces(None, key))
+    assert "tRNS appears twice or too late" in refused(pieces(key, key, None))
+    assert "IHDR appears twice" in refused(pieces((b"IHDR", bytes(13)), None))
     assert "its chunk ABCD is not known" in refused(pieces((b"ABCD", b""), None))
 
 
@@ -262,5 +265,5 @@ def test_chunks_out_of_place_are_refused(refused):
     "end", ["\x08\2\1\0\0", "\x08\2\0\1\0", "\x08\2\0\0\2", "\4\2\0\0\0", "\x08\5\0\0\0", "\0\2\0\0\0"]
 )
 def test_headers_of_no_png_are_refused(refused, end):
-    assert "its header is none" in refused(pieces(None, head=b"\0\0\0\6\0\0\0\5" + end.encode("latin-1")))
-    assert "its header is none" in refused(pieces(None, head=bytes(8) + b"\x08\2\0\0\0"))
+    assert "its header is invalid" in refused(pieces(None, head=b"\0\0\0\6\0\0\0\5" + end.encode("latin-1")))
+    assert "its header is invalid" in refused(pieces(None, head=bytes(8) + b"\x08\2\0\0\0"))

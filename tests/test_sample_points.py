@@ -22,8 +22,8 @@ def test_the_drawing_shows_the_points_and_counts_the_empty_cuts():
     np.testing.assert_array_equal(axes.collections[0].get_offsets(), points)
     empty = [64 - len(np.unique((64 * points[:, k]).astype(int))) for k in range(2)]
     assert min(empty) > 0
-    assert above.get_title() == f"x: {empty[0]} of 64 cuts empty"
-    assert [text.get_text() for text in beside.texts] == [f"y: {empty[1]} of 64 cuts empty"]
+    assert above.get_title() == f"x: {empty[0]} of 64 intervals empty"
+    assert [text.get_text() for text in beside.texts] == [f"y: {empty[1]} of 64 intervals empty"]
     assert (
         sum(bar.get_height() for bar in above.patches if bar.get_facecolor()[2] > 0.65 and bar.get_facecolor()[0] < 0.1)
         == 64
@@ -31,4 +31,4 @@ def test_the_drawing_shows_the_points_and_counts_the_empty_cuts():
 
 
 def test_sobol_leaves_no_cut_empty():
-    assert rt.show.samples("sobol", 64).figure.axes[2].get_title() == "x: 0 of 64 cuts empty"
+    assert rt.show.samples("sobol", 64).figure.axes[2].get_title() == "x: 0 of 64 intervals empty"

@@ -9,16 +9,16 @@ import pytest
 import raytrace as rt
 from raytrace.rendering import wavefront
 from raytrace.scene.fingerprint import fingerprint
-from raytrace.show.scene_edits import Knobs, changed, refractive
-from raytrace.show.scene_rays import make_subject
+from raytrace.show.prepared_scene import prepare_scene
+from raytrace.show.scene_edits import SceneEdits, edited, indices_of_refraction
 
 FILE = "scenes/cornell-box-glass.json"
 SIZE = (40, 30)
 
 
 @pytest.fixture(scope="module")
-def subject():
-    return make_subject(rt.load(FILE), SIZE)
+def prepared():
+    return prepare_scene(rt.load(FILE), SIZE)
 
 
 def written(**changes):
@@ -34,41 +34,41 @@ def written(**changes):
 
 
 @pytest.mark.parametrize(
-    ("knobs", "changes"),
+    ("edits", "changes"),
     [
-        (Knobs(), {}),
-        (Knobs(ior={"pane": 0.8}), {"ior": 0.8}),
-        (Knobs(power=0.25), {"power": 0.25}),
-        (Knobs(distance=0.5), {"position": [0, 1, 3.4]}),
-        (Knobs(ior={"pane": 1.2}, power=3.0), {"ior": 1.2, "power": 3.0}),
+        (SceneEdits(), {}),
+        (SceneEdits(ior={"pane": 0.8}), {"ior": 0.8}),
+        (SceneEdits(power=0.25), {"power": 0.25}),
+        (SceneEdits(distance=0.5), {"position": [0, 1, 3.4]}),
+        (SceneEdits(ior={"pane": 1.2}, power=3.0), {"ior": 1.2, "power": 3.0}),
     ],
 )
-def test_it_is_the_scene_that_a_file_would_give(subject, knobs, changes):
-    scene, file = changed(subject, knobs._replace(spp=4)), written(**changes)
+def test_it_is_the_scene_that_a_file_would_give(prepared, edits, changes):
+    scene, file = edited(prepared, edits._replace(spp=4)), written(**changes)
     assert fingerprint(scene) == file.sha256
     drawn = rt.render(scene)
     np.testing.assert_array_equal(drawn.rgb, rt.render(file, spp=4, size=SIZE).rgb)
     assert drawn.provenance["spp"] == 4
 
 
-def test_the_scene_itself_is_left_alone(subject):
-    before = copy.deepcopy(subject.scene)
-    changed(subject, Knobs(30, 10, 2, 5, {"pane": 0.9}, 16))
-    assert fingerprint(subject.scene) == before.sha256 == fingerprint(before)
-    np.testing.assert_array_equal(subject.scene.materials.ior, before.materials.ior)
+def test_the_scene_itself_is_left_alone(prepared):
+    before = copy.deepcopy(prepared.scene)
+    edited(prepared, SceneEdits(30, 10, 2, 5, {"pane": 0.9}, 16))
+    assert fingerprint(prepared.scene) == before.sha256 == fingerprint(before)
+    np.testing.assert_array_equal(prepared.scene.materials.ior, before.materials.ior)
 
 
-def test_no_tree_is_built_and_no_plan_made_again(subject, monkeypatch):
+def test_no_tree_is_built_and_no_plan_made_again(prepared, monkeypatch):
     def forbidden(*_arguments):
         raise AssertionError("built again")
 
     monkeypatch.setattr(wavefront, "BVH", forbidden)
     monkeypatch.setattr("raytrace.rendering.compiled_scenes.compile_scene", forbidden)
     monkeypatch.setattr("raytrace.rendering.compiled_scenes.make_plan", forbidden)
-    scene = changed(subject, Knobs(30, 10, 0.7, 5, {"pane": 0.9}, 1))
+    scene = edited(prepared, SceneEdits(30, 10, 0.7, 5, {"pane": 0.9}, 1))
     assert rt.render(scene).complete
 
 
-def test_only_glass_has_an_index(subject):
-    assert refractive(subject.scene) == {"pane": 0.5}
-    assert refractive(rt.load("scenes/cornell-box.json")) == {}
+def test_only_glass_has_an_index(prepared):
+    assert indices_of_refraction(prepared.scene) == {"pane": 0.5}
+    assert indices_of_refraction(rt.load("scenes/cornell-box.json")) == {}

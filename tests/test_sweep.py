@@ -13,8 +13,8 @@ from raytrace.image import files
 from raytrace.records import Settings
 from raytrace.rendering.rendering import render
 from raytrace.reporting import configurations, measure, reference, sweep
-from raytrace.reporting.configurations import Subject
-from raytrace.reporting.plots import plots
+from raytrace.reporting.configurations import ConfiguredScene
+from raytrace.reporting.plots import make_plots
 from raytrace.reporting.sweep import report
 from small_scenes import Part, look, make_scene, quad
 
@@ -30,21 +30,27 @@ def scene(tmp_path, monkeypatch):
     monkeypatch.setattr(configurations, "SPP", (1, 2, 4))
     monkeypatch.setattr(configurations, "FEW_SPP", (4,))
     monkeypatch.setattr(configurations, "TARGETS", (0.02,))
-    monkeypatch.setattr(sweep, "plots", lambda *_points: {"plot.svg": b"<svg/>"})  # one test asks for the real ones
+    monkeypatch.setattr(
+        sweep, "make_plots", lambda *_points: {"plot.svg": b"<svg/>"}
+    )  # one test asks for the real ones
     square = quad((-1, -0.7, 0), (0.8, -1, 0), (1, 0.8, 0), (-0.7, 1, 0))
     settings = Settings(SIZE, 1, 16, "sobol", "float32", 0)
     return make_scene([Part(square)], [((0, 0, 3), (150, 150, 150))], look((0, 0, 5), (0, 0, 0)), settings)
 
 
 def test_a_report_is_measured_written_and_returned(scene, tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep, "plots", plots)
+    monkeypatch.setattr(sweep, "make_plots", make_plots)
     told = []
     found = report(scene, tmp_path / "new" / "out", progress=told.append)
     folder = tmp_path / "new" / "out"
     assert sorted(path.name for path in folder.iterdir()) == FILES
     assert sorted(found.files) == sorted(folder.iterdir())
     assert found.files[-1].name == "report.html"  # what the command line prints last
-    assert {p.way.name for p in found.points} >= {"sobol, float32", "independent, float32", "sobol, float32, no tree"}
+    assert {p.configuration.name for p in found.points} >= {
+        "sobol, float32",
+        "independent, float32",
+        "sobol, float32, no tree",
+    }
     assert any(found.front)
     assert found.advice[0].startswith("For RMSE ")
     assert found.left_out == ()
@@ -60,7 +66,7 @@ def test_the_json_says_what_the_report_says(scene, tmp_path):
     kept = json.loads((tmp_path / "report.json").read_text("utf-8"))
     assert kept["schema"] == "raytrace.report/1"
     assert kept["scene"]["sha256"] == scene.sha256
-    assert [p["way"]["name"] for p in kept["points"]] == [p.way.name for p in found.points]
+    assert [p["way"]["name"] for p in kept["points"]] == [p.configuration.name for p in found.points]
     assert [p["pareto"] for p in kept["points"]] == list(found.front)
     assert kept["advice"] == list(found.advice)
     assert kept["reference"]["spp"] == found.about_reference["spp"]
@@ -89,7 +95,7 @@ def test_a_reference_of_ones_own_is_used(scene, tmp_path, monkeypatch):
     monkeypatch.setattr(sweep, "make_reference", None)
     found = report(scene, tmp_path / "out", reference=path)
     assert found.about_reference["origin"] == str(path)
-    assert "its own error isn't known" in str(found)
+    assert "its error is unknown" in str(found)
 
 
 def test_what_has_no_time_is_left_out_and_named(scene, tmp_path, monkeypatch):
@@ -101,14 +107,14 @@ def test_what_has_no_time_is_left_out_and_named(scene, tmp_path, monkeypatch):
 
 
 def test_an_interrupt_leaves_a_report_of_what_was_measured(scene, tmp_path, monkeypatch):
-    draw = Subject.draw
+    draw = ConfiguredScene.render
 
     def interrupted(self, step, seed):
         if seed == 1:  # the second round
             raise KeyboardInterrupt
         return draw(self, step, seed)
 
-    monkeypatch.setattr(Subject, "draw", interrupted)
+    monkeypatch.setattr(ConfiguredScene, "render", interrupted)
     found = report(scene, tmp_path)
     assert found.interrupted
     assert {len(p.times) for p in found.points} == {1}
@@ -119,7 +125,7 @@ def test_an_interrupt_before_any_point_writes_nothing(scene, tmp_path, monkeypat
     def interrupted(self, step, seed):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Subject, "draw", interrupted)
+    monkeypatch.setattr(ConfiguredScene, "render", interrupted)
     with pytest.raises(KeyboardInterrupt):
         report(scene, tmp_path / "out")
     assert list((tmp_path / "out").iterdir()) == []
@@ -130,7 +136,7 @@ def test_an_interrupt_before_any_point_writes_nothing(scene, tmp_path, monkeypat
     [
         ({"budget": 0.0}, OptionError, "budget: expected seconds"),
         ({"budget": float("nan")}, OptionError, "budget: expected seconds"),
-        ({"budget": 1e-9, "reference": "t.npz"}, OptionError, "too few for a single point"),
+        ({"budget": 1e-9, "reference": "t.npz"}, OptionError, "not enough for a single point"),
         ({"size": (0, 4)}, OptionError, "size: "),
         ({"reference": "nowhere.npz"}, FileError, "nowhere.npz"),
         ({"reference": "t.npz", "size": (4, 4)}, OptionError, "has 12x10 pixels, the film 4x4"),
@@ -166,7 +172,7 @@ def test_a_scene_without_noise_has_no_error_and_still_a_report(tmp_path, scene):
 
 
 def test_it_measures_the_same_pictures_that_render_draws(scene, tmp_path):
-    (point,) = (p for p in report(scene, tmp_path).points if p.way.name == "sobol, float32" and p.step == 4)
+    (point,) = (p for p in report(scene, tmp_path).points if p.configuration.name == "sobol, float32" and p.step == 4)
     kept = files.load(next((tmp_path / "cache" / "references").iterdir()))
-    errors = [rt.compare(render(scene, 4, seed=k), kept.rgb).rmse for k in range(measure.ROUNDS)]
+    errors = [rt.compare(render(scene, 4, seed=k), kept.rgb).rmse for k in range(measure.REPETITIONS)]
     assert point.rmse == pytest.approx(np.sqrt(np.mean(np.square(errors))))

@@ -3,10 +3,10 @@ import pytest
 
 import rays
 import raytrace as rt
-from raytrace.hardcases.judge import Query
+from raytrace.hardcases.judge import RayQuery
 from raytrace.hardcases.rays import Case, cases
 from raytrace.hardcases.shadows import shadow_cases
-from raytrace.hardcases.tracers import Baseline, Ours, paths, sent, tracers
+from raytrace.hardcases.tracers import Baseline, Ours, own_tracers, paths, renderer_shadow_rays
 
 pytestmark = pytest.mark.engine
 
@@ -53,13 +53,13 @@ def test_every_tree_is_asked_in_every_way():
     ours = Ours("float32")
     assert len(list(ours.nearest(query))) == len(list(ours.blocked(query))) == 2 * 4
     assert len(list(ours.shadows(SHADOWS["lit floor, scale 1e+00"].query("float32", 50)))) == 8
-    assert [tracer.name for tracer in tracers()] == [
+    assert [tracer.name for tracer in own_tracers()] == [
         "raytrace float32",
         "raytrace float64",
         "baseline float32",
         "baseline float64",
     ]
-    assert [tracer.exact for tracer in tracers()] == [True, True, False, False]
+    assert [tracer.exact for tracer in own_tracers()] == [True, True, False, False]
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
@@ -70,7 +70,7 @@ def test_shadow_rays_start_where_spawn_ray_says_and_end_at_the_light(precision):
     hits = bvh.closest_hit(o, d)
     surface = rt.Surface(*(a[hits.prim_id >= 0] for a in bvh.surface(hits)))
     light = np.array([3.5, 2, 9], precision)
-    start, away, tmax = sent(surface, light)
+    start, away, tmax = renderer_shadow_rays(surface, light)
     expected = rt.spawn_ray(*surface, light - surface.p)
     np.testing.assert_allclose(start, expected, rtol=0, atol=4 * np.finfo(precision).eps * 5)
     assert (
@@ -92,7 +92,7 @@ def test_the_seed_loses_what_is_small_and_shadows_itself_where_scenes_are_large(
 def test_intervals_are_handed_on():
     floor = np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0]]), np.array([[0, 1, 2]])
     o, d = np.array([[1.0, 1, 3]] * 3), np.array([[0.0, 0, -1]] * 3)
-    query = Query(*floor, o, d, np.array([0, 4.0, 0]), np.array([9, 9, 2.0]), np.zeros(3, bool), False)
+    query = RayQuery(*floor, o, d, np.array([0, 4.0, 0]), np.array([9, 9, 2.0]), np.zeros(3, bool), False)
     for hits in Ours("float64").nearest(query):
         assert hits.t.tolist() == [3, np.inf, np.inf]
     for blocked in Ours("float64").blocked(query):

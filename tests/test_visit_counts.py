@@ -7,8 +7,9 @@ import raytrace as rt
 from raytrace.accel import query
 from raytrace.accel.bundle import unbundled
 from raytrace.accel.inputs import columns_of
+from raytrace.passes.camera import pinhole_directions
 from raytrace.records import Hits, Rays
-from raytrace.show.scene_rays import directions_through, make_subject, pixel_centres
+from raytrace.show.prepared_scene import pixel_centres, prepare_scene
 from raytrace.show.visit_counts import count_work
 from shipped_scenes import SCENES, load
 from small_scenes import quad
@@ -20,16 +21,16 @@ def scene(name):
 
 @pytest.mark.parametrize("split", ["sah", "median"])
 def test_pixels_sum_to_what_the_tree_counts_for_rays_of_different_kinds(split):
-    subject = make_subject(scene("room"), (24, 18))
-    mesh, precision = subject.scene.mesh, subject.stage.bvh.precision
+    prepared = prepare_scene(scene("room"), (24, 18))
+    mesh, precision = prepared.scene.mesh, prepared.compiled.bvh.precision
     bvh = rt.BVH(mesh.vertices, mesh.faces, precision, split)
-    d = directions_through(subject.view, *pixel_centres((24, 18)))
+    d = pinhole_directions(prepared.view, *pixel_centres((24, 18)))
     work, dtype, n = bvh.work(), d.dtype, len(d)
     hits = Hits(np.empty(1, dtype), np.empty(1, np.int32), np.empty(1, dtype), np.empty(1, dtype))
     for row in d:  # the same work counts on, ray after ray
-        rays = Rays(*(columns_of(np.asarray(a, dtype), 1) for a in (subject.view.origin[None], row[None], 0, np.inf)))
+        rays = Rays(*(columns_of(np.asarray(a, dtype), 1) for a in (prepared.view.origin[None], row[None], 0, np.inf)))
         query.closest_hit(unbundled(bvh.tree), rays, hits, 1, work)
-    data = rt.show.heatmap(subject.scene, (24, 18), split=split).data
+    data = rt.show.heatmap(prepared.scene, (24, 18), split=split).data
     assert (data["nodes"].sum(), data["triangles"].sum()) == tuple(work.counts)
     assert data["nodes"].shape == data["triangles"].shape == (18, 24)
     assert data["nodes"].max() > 5

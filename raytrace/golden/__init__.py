@@ -1,1 +1,1 @@
-"""Golden pictures for pytest: a fixture that compares a picture with the one that was approved."""
+"""Golden images for pytest: a fixture that compares an image with an approved one."""

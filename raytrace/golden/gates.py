@@ -1,4 +1,4 @@
-"""The gates: what has to hold between a picture and its golden."""
+"""The gates: limits for the difference between an image and its golden image."""
 
 from typing import NamedTuple
 
@@ -6,34 +6,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.golden.noise import Noise, critical, in_deviations, noise_of
-from raytrace.golden.store import Approved
+from raytrace.golden.store import GoldenImage
 from raytrace.image.files import LUMINANCE
 from raytrace.image.metrics import TILE, Comparison, Limits, compare, level_of, ratio, tile_means, violations
 
 
 class Gates(NamedTuple):
-    """Limits; None: no limit. Pixels that aren't finite fail always.
+    """Limits; None: no limit. Pixels that are not finite always fail.
 
-    With the same seed, the same address of every random number, all that may differ is rounding. On planted bugs an
-    SSIM of 0.999 alone missed a light 3 % too bright and the mean alone a half-pixel shift; the four together missed
-    none. Outliers: 9 pixels of 96 x 96, for rays whose last bit decides between two surfaces.
+    With the same seed, only rounding may differ. In tests with planted bugs, an SSIM of 0.999 alone missed a light that
+    was 3 % too bright, and the mean alone missed a shift by half a pixel. The four gates together missed none. The
+    outliers allow 9 pixels of 96 x 96, for rays whose last bit decides between two surfaces.
     """
 
     min_ssim: float | None = 0.999
     max_bias: float | None = 1e-3
     max_worst_tile: float | None = 5e-3
     max_outliers: float | None = 1e-3
-    alpha: float | None = 0.01  # of noisy pictures: chance that the whole of a right one fails
-    max_rejected: float | None = 0.0025  # of noisy pictures: share of pixels, for noise that isn't normal
+    alpha: float | None = 0.01  # noisy images: probability that a correct image fails
+    max_rejected: float | None = 0.0025  # noisy images: share of pixels, for noise that is not normally distributed
 
 
 class Verdict(NamedTuple):
-    """What the gates found; true if all is well."""
+    """Result of the gates; true if all hold."""
 
-    broken: tuple[str, ...]  # the gates that fail, a line each
+    broken: tuple[str, ...]  # the gates that fail, one line each
     comparison: Comparison
-    rejected: float | None  # share of pixels that fail the z-test; None: the golden has no noise
-    worst_z: float | None  # largest difference of a pixel, in deviations
+    rejected: float | None  # share of pixels that fail the z-test; None: not a noisy image
+    worst_z: float | None  # largest difference of a pixel, in standard deviations
 
     def __bool__(self) -> bool:
         return not self.broken
@@ -46,8 +46,8 @@ class Verdict(NamedTuple):
         return text + noise
 
 
-def judge(actual: NDArray[np.float64], golden: Approved, gates: Gates) -> Verdict:
-    """Compare a picture with its golden, both (h, w, 3) linear light of the same size."""
+def judge(actual: NDArray[np.float64], golden: GoldenImage, gates: Gates) -> Verdict:
+    """Compare an image with its golden image, both (h, w, 3) linear light of the same size."""
     comparison = compare(actual, golden.rgb)
     limits = Limits(
         min_ssim=gates.min_ssim,
@@ -71,27 +71,27 @@ def judge(actual: NDArray[np.float64], golden: Approved, gates: Gates) -> Verdic
 
 
 def _beyond(
-    comparison: Comparison, difference: NDArray[np.float64], golden: Approved, noise: Noise, alpha: float
+    comparison: Comparison, difference: NDArray[np.float64], golden: GoldenImage, noise: Noise, alpha: float
 ) -> Comparison:
-    """Take from the means of channels and tiles what the noise of luminance explains."""
+    """Subtract from the bias of channels and the worst tile what the noise of luminance explains."""
     level = level_of(golden.rgb, difference.size)
     variance = noise.deviation**2
-    whole = critical(noise, alpha, 1) * float(np.sqrt(variance.sum())) / variance.size
-    bias = [_excess(*both, whole, level) for both in zip(comparison.relative_bias, comparison.bias, strict=True)]
+    whole_noise = critical(noise, alpha, 1) * float(np.sqrt(variance.sum())) / variance.size
+    bias = [_excess(*both, whole_noise, level) for both in zip(comparison.relative_bias, comparison.bias, strict=True)]
     side = min(TILE, difference.shape[0]) * min(TILE, difference.shape[1])
-    means, rows, columns = tile_means(difference[..., None])
-    deviation = np.sqrt(tile_means(variance[..., None])[0] / side)
-    excess = (np.abs(means) - critical(noise, alpha, means.size) * deviation)[..., 0]
+    tiles = tile_means(difference[..., None])
+    deviation = np.sqrt(tile_means(variance[..., None]).means / side)
+    excess = (np.abs(tiles.means) - critical(noise, alpha, tiles.means.size) * deviation)[..., 0]
     row, column = np.unravel_index(np.argmax(excess), excess.shape)
     return comparison._replace(
         relative_bias=(bias[0], bias[1], bias[2]),
         worst_tile=ratio(max(float(excess[row, column]), 0.0), level),
-        worst_tile_at=(int(rows[row]), int(columns[column])),
+        worst_tile_at=(int(tiles.rows[row]), int(tiles.columns[column])),
     )
 
 
 def _excess(relative: float, absolute: float, noise: float, level: float) -> float:
-    """What the noise of the mean leaves of the relative bias of a channel."""
-    if not np.isfinite(relative):  # of a black channel
+    """Relative bias of a channel minus the noise of the mean."""
+    if not np.isfinite(relative):  # a black channel
         return relative if abs(absolute) > noise else 0.0
     return float(np.sign(relative)) * max(abs(relative) - ratio(noise, level), 0.0)

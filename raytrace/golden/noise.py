@@ -1,4 +1,4 @@
-"""Noisy pictures: the mean and the variance of several, and a test of one more against them."""
+"""Noisy images: mean and variance of several images, and a statistical test of another one."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -7,26 +7,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.image.files import LUMINANCE
-
-ROUNDING = 1e-4  # of a pixel plus the mean: differences as small are rounding, or hang on the last bit of a ray
+from raytrace.image.metrics import ROUNDING
 
 
 class Noise(NamedTuple):
-    """What the difference of a picture from the mean of others may be by chance."""
+    """Noise of the difference between an image and the mean of others."""
 
     deviation: NDArray[np.float64]  # (h, w): standard deviation of the difference of luminance
-    freedom: int  # degrees of it
+    freedom: int  # degrees of freedom
 
 
-def mean_of(draw: Callable[[int], Any], pictures: int, light: Callable[[Any], NDArray[np.float64]]) -> Any:
-    """Mean light and standard error of the luminance of ``draw(1)`` .. ``draw(pictures)``, one after the other.
+def mean_of(render: Callable[[int], Any], pictures: int, light: Callable[[Any], NDArray[np.float64]]) -> Any:
+    """Mean light, and standard error of its luminance, of ``render(1)`` .. ``render(pictures)``.
 
-    The squares of differences are summed as in [Welford1962].
+    The variance is accumulated as in [Welford1962].
     """
     mean, spread = np.zeros(()), np.zeros(())
     luminance = np.zeros(())
     for k in range(1, pictures + 1):
-        rgb = light(draw(k))
+        rgb = light(render(k))
         mean = mean + (rgb - mean) / k
         before = rgb @ LUMINANCE - luminance
         luminance = luminance + before / k
@@ -35,9 +34,9 @@ def mean_of(draw: Callable[[int], Any], pictures: int, light: Callable[[Any], ND
 
 
 def noise_of(rgb: NDArray[np.float64], stderr: NDArray[np.float64], pictures: int) -> Noise:
-    """Noise of one more picture, against the mean of ``pictures``, whose standard error is s.
+    """Noise of one image minus the mean of n = ``pictures`` images, whose standard error is s.
 
-    One picture has the variance n s^2, the mean s^2.
+    A single image has variance n s^2, the mean has s^2.
     """
     light = np.abs(rgb @ LUMINANCE)
     deviation = np.sqrt(pictures + 1.0) * stderr
@@ -45,7 +44,7 @@ def noise_of(rgb: NDArray[np.float64], stderr: NDArray[np.float64], pictures: in
 
 
 def in_deviations(difference: NDArray[np.float64], noise: Noise) -> NDArray[np.float64]:
-    """Differences of luminance in deviations; where there is no deviation, none is 0, and any is inf.
+    """Differences of luminance divided by their standard deviation; 0 / 0 is 0, and x / 0 is inf.
 
     >>> in_deviations(np.array([[0.0, -1.0, 1.0]]), Noise(np.array([[0.0, 0.0, 2.0]]), 3)).tolist()
     [[0.0, -inf, 0.5]]
@@ -55,7 +54,7 @@ def in_deviations(difference: NDArray[np.float64], noise: Noise) -> NDArray[np.f
 
 
 def critical(noise: Noise, alpha: float, tests: int) -> float:
-    """How many deviations a difference may be off, if one of ``tests`` is to be beyond in a share alpha of cases.
+    """Critical value, in standard deviations: with probability alpha, at least one of ``tests`` exceeds it by chance.
 
     Student's t, two-sided, at the level 1 - (1 - alpha)^(1 / tests)   [Sidak1967].
     """

@@ -1,4 +1,4 @@
-"""The page that a failed golden leaves: expected, actual, difference and SSIM map side by side, in one file."""
+"""HTML page of a failed check: expected and actual image, difference and SSIM map, in one file."""
 
 import io
 from base64 import b64encode
@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.golden.gates import Verdict
-from raytrace.golden.locations import Place
+from raytrace.golden.locations import GoldenLocation
 from raytrace.golden.noise import in_deviations, noise_of
-from raytrace.golden.spots import Spot, find, largest_channel, scale_of
-from raytrace.golden.store import Approved
+from raytrace.golden.spots import Spot, find, largest_channel
+from raytrace.golden.store import GoldenImage
 from raytrace.image.files import LUMINANCE, srgb8
-from raytrace.image.metrics import TILE, Comparison, ssim_map
+from raytrace.image.metrics import TILE, Comparison, difference_scale, ssim_map
 
-WIDTH = 320  # screen pixels that a small picture is blown up to, by a whole factor
-ENLARGED = 220  # likewise, a place that is enlarged
+WIDTH = 320  # small images are enlarged to about this width, by an integer factor
+ENLARGED = 220  # the same for enlarged regions
 DARKER, BRIGHTER, NOT_FINITE = (0, 114, 178), (213, 94, 0), (255, 0, 255)  # blue, vermilion, magenta
 STYLE = """
 body { font: 16px/1.45 system-ui, sans-serif; margin: 1.2em; color: #111; overflow-wrap: anywhere; }
@@ -42,45 +42,45 @@ swapped.forEach((img, k) => {
 
 
 class Failure(NamedTuple):
-    """What went wrong."""
+    """A failed check."""
 
     name: str
-    place: Place
+    location: GoldenLocation
     why: str
     actual: NDArray[np.float64]  # (h, w, 3): linear light
-    golden: Approved | None  # None: there is none
-    verdict: Verdict | None  # None: there was nothing to compare
+    golden: GoldenImage | None  # None: there is no golden image
+    verdict: Verdict | None  # None: the images could not be compared
 
 
-class Canvas(NamedTuple):
-    """An image as the page shows it."""
+class Panel(NamedTuple):
+    """An image with its caption on the page."""
 
     title: str
     note: str
     codes: NDArray[np.uint8]  # (h, w, 3): sRGB
 
 
-def page(failure: Failure) -> str:
-    """Write the page."""
+def failure_page(failure: Failure) -> str:
+    """HTML text of the page."""
     title = f"golden {failure.name}"
-    actual = Canvas("actual", "", srgb8(failure.actual))
+    actual = Panel("actual", "", srgb8(failure.actual))
     figures, numbers, details = [_figure(actual)], "", ""
     if failure.golden is not None:
-        both = [Canvas("expected", "", srgb8(failure.golden.rgb)), actual]
-        figures = [_figure(canvas) for canvas in both]
+        both = [Panel("expected", "", srgb8(failure.golden.rgb)), actual]
+        figures = [_figure(panel) for panel in both]
         if failure.verdict is not None:
             maps, marks = _maps(failure.actual, failure.golden, failure.verdict.comparison)
-            figures = [f'<div class="row swap">{"".join(_figure(canvas, marks) for canvas in both)}</div>']
-            figures += [_figure(canvas, marks) for canvas in maps]
+            figures = [f'<div class="row swap">{"".join(_figure(panel, marks) for panel in both)}</div>']
+            figures += [_figure(panel, marks) for panel in maps]
             details = _details([*both, maps[0]], marks, failure.actual - failure.golden.rgb)
-            hint = "<p><small>Click and hold one of the first two to see the other.</small></p>"
+            hint = "<p><small>Click and hold the expected or actual image to compare.</small></p>"
             numbers = hint + _table(failure.verdict)
-    command = f"<p>If it is right as it is now: <code>{escape(failure.place.command)}</code></p>"
+    command = f"<p>If the actual image is correct, accept it: <code>{escape(failure.location.command)}</code></p>"
     lines = [
         "<!doctype html>",
         '<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">',
         f"<title>{escape(title)}</title><style>{STYLE}</style></head>",
-        f"<body><h1>{escape(title)}</h1><p><code>{escape(failure.place.test)}</code></p>",
+        f"<body><h1>{escape(title)}</h1><p><code>{escape(failure.location.test)}</code></p>",
         f'<p class="why">{escape(failure.why)}</p><div class="row">',
         *figures,
         f"</div>{details}{command}{numbers}</body><script>{SCRIPT}</script></html>",
@@ -88,50 +88,50 @@ def page(failure: Failure) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _figure(canvas: Canvas, marks: Sequence[Spot] = (), least: int = WIDTH) -> str:
-    """An image, blown up to at least so many screen pixels by a whole factor, with places marked."""
+def _figure(panel: Panel, marks: Sequence[Spot] = (), least: int = WIDTH) -> str:
+    """HTML of an image, enlarged by an integer factor to about ``least`` pixels, with marked regions."""
     from PIL import Image
 
     stream = io.BytesIO()
-    Image.fromarray(canvas.codes).save(stream, "PNG", optimize=True)
-    picture = f"data:image/png;base64,{b64encode(stream.getvalue()).decode()}"
-    height, width = canvas.codes.shape[:2]
+    Image.fromarray(panel.codes).save(stream, "PNG", optimize=True)
+    source = f"data:image/png;base64,{b64encode(stream.getvalue()).decode()}"
+    height, width = panel.codes.shape[:2]
     shown = width * max(round(least / width), 1)
     boxes = ""
     for mark in marks:
         numbers = mark.column / width, mark.row / height, mark.width / width, mark.height / height
         names = ("left", "top", "width", "height")
-        place = ";".join(f"{name}:{100 * value:.4g}%" for name, value in zip(names, numbers, strict=True))
-        boxes += f'<i class="mark" title="{escape(mark.title)}" style="{place}"></i>'
-    title = escape(canvas.title)
-    caption = f"<figcaption>{title} <small>{escape(canvas.note) or '&nbsp;'}</small></figcaption>"
-    frame = f'<div class="frame"><img alt="{title}" src="{picture}">{boxes}</div>'
+        style = ";".join(f"{name}:{100 * value:.4g}%" for name, value in zip(names, numbers, strict=True))
+        boxes += f'<i class="mark" title="{escape(mark.title)}" style="{style}"></i>'
+    title = escape(panel.title)
+    caption = f"<figcaption>{title} <small>{escape(panel.note) or '&nbsp;'}</small></figcaption>"
+    frame = f'<div class="frame"><img alt="{title}" src="{source}">{boxes}</div>'
     return f'<figure style="width:{shown}px">{caption}{frame}</figure>'
 
 
-def _details(canvases: Sequence[Canvas], marks: Sequence[Spot], difference: NDArray[np.float64]) -> str:
-    """The marked places, enlarged; one that another shows already is not shown again."""
+def _details(panels: Sequence[Panel], marks: Sequence[Spot], difference: NDArray[np.float64]) -> str:
+    """HTML of the enlarged regions; a region inside another one is not shown again."""
     text, shown = "", list[Spot]()
     for mark in marks:
-        if any(region.holds(mark) for region in shown):
+        if any(region.contains(mark) for region in shown):
             continue
         region = mark.grown(difference.shape)
         shown.append(region)
         inside = [
             inner._replace(row=inner.row - region.row, column=inner.column - region.column)
             for inner in marks
-            if region.holds(inner)
+            if region.contains(inner)
         ]
-        cut = (canvas._replace(note="", codes=canvas.codes[region.pixels]) for canvas in canvases)
+        cut = (panel._replace(note="", codes=panel.codes[region.pixels]) for panel in panels)
         off = difference[mark.pixels].mean(axis=(0, 1))
         note = f"row {mark.row}, column {mark.column}; actual - expected {', '.join(f'{value:+.3g}' for value in off)}"
         text += f"<h2>{escape(mark.title)} <small>{note}</small></h2>"
-        text += f'<div class="row">{"".join(_figure(canvas, inside, ENLARGED) for canvas in cut)}</div>'
+        text += f'<div class="row">{"".join(_figure(panel, inside, ENLARGED) for panel in cut)}</div>'
     return text
 
 
-def _maps(actual: NDArray[np.float64], golden: Approved, comparison: Comparison) -> tuple[list[Canvas], list[Spot]]:
-    """Difference, similarity and, for a noisy picture, the difference in deviations; and the worst places."""
+def _maps(actual: NDArray[np.float64], golden: GoldenImage, comparison: Comparison) -> tuple[list[Panel], list[Spot]]:
+    """Panels with difference, SSIM and, for a noisy image, difference in deviations; and the worst regions."""
     finite: NDArray[np.bool_] = np.all(np.isfinite(actual), axis=2)
     shown = np.where(finite[..., None], actual, golden.rgb)
     difference = largest_channel(shown - golden.rgb)
@@ -139,25 +139,25 @@ def _maps(actual: NDArray[np.float64], golden: Approved, comparison: Comparison)
     least = min(float(similarity.min()), 0.999)
     grey = np.clip((similarity - least) / (1 - least), 0, 1)[..., None] * np.ones(3)
     maps = [
-        _signed("difference", difference, scale_of(difference, golden.rgb), "(worst channel)", finite),
-        Canvas("SSIM", f"black {least:.3g}, white 1", (255 * grey + 0.5).astype(np.uint8)),
+        _signed("difference", difference, difference_scale(difference, golden.rgb), "(worst channel)", finite),
+        Panel("SSIM", f"black {least:.3g}, white 1", (255 * grey + 0.5).astype(np.uint8)),
     ]
     worst = difference
     if golden.stderr is not None:
         noise = noise_of(golden.rgb, golden.stderr, golden.pictures)
         worst = in_deviations((shown - golden.rgb) @ LUMINANCE, noise)
-        maps.append(_signed("difference in deviations", worst, 5.0, "deviations", finite))
+        maps.append(_signed("difference in standard deviations", worst, 5.0, "deviations", finite))
     return maps, find(worst, finite, comparison)
 
 
-def _signed(title: str, values: NDArray[np.float64], top: float, unit: str, finite: NDArray[np.bool_]) -> Canvas:
-    """White where equal, blue where darker, orange where brighter."""
+def _signed(title: str, values: NDArray[np.float64], top: float, unit: str, finite: NDArray[np.bool_]) -> Panel:
+    """Panel of signed values: white where equal, blue where darker, orange where brighter."""
     share = np.clip(np.abs(values) / (top or 1.0), 0, 1)[..., None]
     colour = np.where(values[..., None] < 0, DARKER, BRIGHTER)
     rgb8 = (255 + share * (colour - 255.0) + 0.5).astype(np.uint8)
     rgb8[~finite] = NOT_FINITE
     note = f"blue {-top:.3g}, orange {top:.3g} {unit}"
-    return Canvas(title, note + ("" if finite.all() else "; magenta: not finite"), rgb8)
+    return Panel(title, note + ("" if finite.all() else "; magenta: not finite"), rgb8)
 
 
 def _table(verdict: Verdict) -> str:
@@ -168,8 +168,8 @@ def _table(verdict: Verdict) -> str:
         f"worst {TILE} x {TILE} tile": f"{c.worst_tile:.3g}, at row {c.worst_tile_at[0]}, column {c.worst_tile_at[1]}",
         "share of outliers": f"{c.outliers:.3g}",
         "RMSE, linear": f"{c.rmse:.3g}",
-        "RMSE on a screen, sRGB": f"{c.rmse_srgb:.3g}",
-        "pixels that aren't finite": str(c.non_finite),
+        "RMSE, sRGB": f"{c.rmse_srgb:.3g}",
+        "pixels that are not finite": str(c.non_finite),
     }
     if verdict.rejected is not None:
         rows |= {"share of pixels that fail the z-test": f"{verdict.rejected:.3g}", "worst z": f"{verdict.worst_z:.3g}"}

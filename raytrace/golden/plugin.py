@@ -1,4 +1,4 @@
-"""The pytest plugin: options, and the fixture ``golden``. Nothing heavy is imported until a picture is checked."""
+"""The pytest plugin: options and the fixture ``golden``. Large packages are imported only for a check."""
 
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -10,75 +10,80 @@ import pytest
 if TYPE_CHECKING:
     from raytrace.golden.check import Golden
 
-GATES = {  # ini option -> what it limits
-    "golden_min_ssim": "least SSIM",
+GATES = {  # ini option -> description of the limit
+    "golden_min_ssim": "smallest SSIM",
     "golden_max_bias": "largest relative error of a channel's mean",
     "golden_max_worst_tile": "largest error of the mean of an 8 x 8 tile, relative to the mean luminance",
-    "golden_max_outliers": "largest share of pixels that are visibly off",
-    "golden_alpha": "chance of a false alarm of the z-test of a whole noisy picture",
+    "golden_max_outliers": "largest share of pixels with a visible difference",
+    "golden_alpha": "probability that the z-test rejects a correct noisy image",
     "golden_max_rejected": "largest share of pixels that may fail the z-test",
 }
-WRITTEN = "golden written"  # property of a test's report, which pytest-xdist brings home
+WRITTEN = "golden written"  # property of a test's report, which pytest-xdist transfers
 
 
 def _other_plugin(manager: pytest.PytestPluginManager) -> bool:
-    """Whether pytest-golden is there too: it has an option and a fixture of the same names."""
+    """Whether pytest-golden is installed: it has an option and a fixture with the same names."""
     return find_spec("pytest_golden") is not None and not manager.is_blocked("pytest-golden")
 
 
 def pytest_addoption(parser: pytest.Parser, pluginmanager: pytest.PytestPluginManager) -> None:
     """Add ``--update-goldens`` and the ini options."""
     if not _other_plugin(pluginmanager):
-        group = parser.getgroup("raytrace-golden", "golden pictures")
-        group.addoption("--update-goldens", action="store_true", default=False, help="write golden pictures anew")
-    parser.addini("golden_folder", "folder of golden pictures; default: golden, beside the test's file", default="")
-    parser.addini("golden_failures", "folder of the pages that failures leave", default="golden-failures")
+        group = parser.getgroup("raytrace-golden", "golden images")
+        group.addoption(
+            "--update-goldens",
+            action="store_true",
+            default=False,
+            help="write golden images instead of comparing with them",
+        )
+    parser.addini("golden_folder", "folder of golden images; default: golden, next to the test file", default="")
+    parser.addini("golden_failures", "folder of the pages of failures", default="golden-failures")
     for name, about in GATES.items():
-        parser.addini(name, f"golden pictures: {about}; none: no limit", default=None)
+        parser.addini(name, f"golden images: {about}; none: no limit", default=None)
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Offer the fixture under its short name, if no other plugin does."""
+    """Register the fixture under its short name, if no other plugin uses it."""
     if not _other_plugin(config.pluginmanager):
         config.pluginmanager.register(_ShortName(), "raytrace-golden-short-name")
 
 
 @pytest.fixture
 def raytrace_golden(request: pytest.FixtureRequest) -> Iterator["Golden"]:
-    """Compare pictures with golden ones: ``golden.check(image, "name")``."""
+    """Compare images with golden images: ``golden.check(image, "name")``."""
     if find_spec("skimage") is None:
         pytest.fail("the fixture golden needs scikit-image: pip install scikit-image", pytrace=False)
     from raytrace.golden.check import Golden
-    from raytrace.golden.locations import Place, relative
+    from raytrace.golden.locations import GoldenLocation, relative
 
     config, root = request.config, request.config.rootpath
-    own = str(config.getini("golden_folder"))
-    folder = root / own if own else Path(request.path).parent / "golden"
+    configured = str(config.getini("golden_folder"))
+    folder = root / configured if configured else Path(request.path).parent / "golden"
     here, name = config.invocation_params.dir, request.node.nodeid.partition("::")[2]
     test = f"{relative(request.path, here)}::{name}"
-    place = Place(folder, root, root / str(config.getini("golden_failures")), here, test)
-    given = {name.removeprefix("golden_"): _limit(config, name) for name in GATES if config.getini(name) is not None}
-    golden = Golden(place, given, bool(config.getoption("update_goldens")))
+    location = GoldenLocation(folder, root, root / str(config.getini("golden_failures")), here, test)
+    gates = {name.removeprefix("golden_"): _limit(config, name) for name in GATES if config.getini(name) is not None}
+    golden = Golden(location, gates, bool(config.getoption("update_goldens")))
     yield golden
-    request.node.user_properties += [(WRITTEN, place.short(path)) for path in golden.written]
+    request.node.user_properties += [(WRITTEN, location.short(path)) for path in golden.written]
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """List the goldens that were written: they are to be looked at."""
+    """List the golden images that were written, so that they can be reviewed."""
     reports = [report for kind in terminalreporter.stats.values() for report in kind]
     found = {path for report in reports for name, path in getattr(report, "user_properties", ()) if name == WRITTEN}
     if found:
-        terminalreporter.section("golden pictures written")
+        terminalreporter.section("golden images written")
         for path in sorted(found):
             terminalreporter.line(f"{path} and .png")
 
 
 class _ShortName:
-    """A plugin of one fixture."""
+    """A plugin with one fixture."""
 
     @pytest.fixture
     def golden(self, raytrace_golden: "Golden") -> "Golden":
-        """Compare pictures with golden ones: ``golden.check(image, "name")``."""
+        """Compare images with golden images: ``golden.check(image, "name")``."""
         return raytrace_golden
 
 

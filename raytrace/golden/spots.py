@@ -1,16 +1,13 @@
-"""Where an image differs most from its golden: the places that the page of a failure marks and enlarges."""
+"""Regions where an image differs most from its golden image; the page of a failure shows them enlarged."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.golden.noise import ROUNDING
-from raytrace.image.files import LUMINANCE
 from raytrace.image.metrics import TILE, Comparison
 
-MARGIN = 8  # pixels around a place that are enlarged with it
-SHARE = 0.995  # of the pixels that differ lie within the scale of the difference
+MARGIN = 8  # pixels around a region that are shown with it
 
 
 class Spot(NamedTuple):
@@ -23,14 +20,14 @@ class Spot(NamedTuple):
     width: int
 
     def grown(self, shape: tuple[int, ...]) -> "Spot":
-        """With the pixels around it that lie in an image."""
+        """The rectangle enlarged by `MARGIN`, within an image."""
         top, left = max(self.row - MARGIN, 0), max(self.column - MARGIN, 0)
         bottom = min(self.row + self.height + MARGIN, shape[0])
         right = min(self.column + self.width + MARGIN, shape[1])
         return Spot(self.title, top, left, bottom - top, right - left)
 
-    def holds(self, other: "Spot") -> bool:
-        """Whether another lies in it."""
+    def contains(self, other: "Spot") -> bool:
+        """Whether another rectangle lies inside."""
         down, across = other.row - self.row, other.column - self.column
         return min(down, across) >= 0 and down + other.height <= self.height and across + other.width <= self.width
 
@@ -41,7 +38,10 @@ class Spot(NamedTuple):
 
 
 def find(difference: NDArray[np.float64], finite: NDArray[np.bool_], comparison: Comparison) -> list[Spot]:
-    """Find the worst tile, and the worst pixel: one that isn't finite, or else that differs most; (h, w) both."""
+    """The worst tile, and the worst pixel: one that is not finite, or the one with the largest difference.
+
+    ``difference`` and ``finite`` are (h, w).
+    """
     found = []
     if comparison.worst_tile > 0:
         height, width = (min(TILE, extent) for extent in difference.shape)
@@ -54,17 +54,6 @@ def find(difference: NDArray[np.float64], finite: NDArray[np.bool_], comparison:
 
 
 def largest_channel(difference: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of each pixel the channel that differs most: (h, w) of (h, w, 3). Luminance hides a change of hue."""
+    """Difference of the worst channel of each pixel, (h, w) from (h, w, 3); luminance would hide a change of hue."""
     which = np.abs(difference).argmax(axis=2)[..., None]
     return np.take_along_axis(difference, which, axis=2)[..., 0]
-
-
-def scale_of(difference: NDArray[np.float64], golden: NDArray[np.float64]) -> float:
-    """Find the scale of a map of the difference (h, w): it holds nearly all that are more than rounding.
-
-    However few they are, they are seen; and one pixel that is far off doesn't hide the others.
-    """
-    light = np.abs(golden @ LUMINANCE)
-    size = np.abs(difference)
-    visible = size[size > ROUNDING * (light + light.mean())]
-    return float(np.quantile(visible, SHARE) if visible.size else size.max())

@@ -1,1 +1,1 @@
-"""Rays that break ray tracers, and exact arithmetic that judges them; knows nothing of rendering."""
+"""Hard rays for ray tracers, and exact arithmetic that checks the answers; independent of the renderer."""

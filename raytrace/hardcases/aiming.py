@@ -1,17 +1,17 @@
-"""Where hard rays start and what they are aimed at."""
+"""Origins and targets of hard rays."""
 
 from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from raytrace.hardcases.meshes import Doubles, choice, uniform
+from raytrace.hardcases.meshes import Doubles, Faces, choice, uniform
 
 Reals = NDArray[np.floating]
 
 
-def edge_points(mesh: tuple[Reals, NDArray[np.int64]], dtype: DTypeLike, seed: int) -> Reals:
-    """All vertices, edges' middles and two more points on every edge, and each of them a few ulps to all sides."""
+def edge_points(mesh: tuple[Reals, Faces], dtype: DTypeLike, seed: int) -> Reals:
+    """Vertices, edge midpoints, two more points per edge; then each of them again, moved by a few ulps."""
     vertices, faces = mesh[0].astype(dtype), mesh[1]
     ends = np.unique(np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1), axis=0)
     share = np.stack([np.full(len(ends), 0.5), *(uniform(seed, 2, len(ends)) + 1) / 2])[..., None].astype(dtype)
@@ -22,27 +22,27 @@ def edge_points(mesh: tuple[Reals, NDArray[np.int64]], dtype: DTypeLike, seed: i
 
 
 def towards(origins: ArrayLike, targets: Reals) -> tuple[Reals, Reals]:
-    """Rays from every origin to every target, in the targets' precision."""
+    """Origins and directions of rays from every origin to every target, in the precision of the targets."""
     origins = np.asarray(origins, targets.dtype)
     o = np.repeat(origins, len(targets), axis=0)
     return o, np.tile(targets, (len(origins), 1)) - o
 
 
 def lattice(n: int, seed: int) -> tuple[Doubles, Doubles]:
-    """Small integers; the components of a direction are 0, -0 or powers of two, so that nothing is rounded."""
+    """Rays with small integers as origins. Components of directions are 0, -0, +-1 or +-2: nothing is rounded."""
     directions = choice(seed, [-2.0, -1.0, -0.0, 0.0, 1.0, 2.0], n, 3)
     directions[(directions == 0).all(axis=1)] = 1.0
     return np.floor(4.5 * uniform(seed + 1, n, 3) + 0.5), directions
 
 
 def signed_axes() -> Doubles:
-    """All 24 ways to write a direction along an axis, with zeros of both signs."""
+    """All 24 unit directions along an axis, with zeros of both signs."""
     signs = product((-1.0, 1.0), (-0.0, 0.0), (-0.0, 0.0))
     return np.array([np.roll(numbers, k) for numbers in signs for k in range(3)])
 
 
 def bad_rays() -> tuple[Doubles, Doubles]:
-    """Rays that hit nothing, though those that they are made of hit the triangle (0 0 0, 4 0 0, 0 4 0)."""
+    """Invalid rays, which hit nothing: NaN, inf or direction 0. Otherwise they would hit (0 0 0, 4 0 0, 0 4 0)."""
     bad = [np.nan, np.inf, -np.inf]
     o, d = np.full((18, 3), 1.0), np.full((18, 3), -1.0)
     for k, (i, value) in enumerate(product(range(6), bad)):

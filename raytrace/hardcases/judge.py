@@ -1,14 +1,14 @@
-"""Which answers of a ray tracer the exact ones contradict, and how far off the others are.
+"""Check the answers of a ray tracer against exact ones, and measure the errors of t, u and v.
 
-An answer to a ray is judged by its backward error: it is right if it is the exact answer to some scene in which every
-vertex lies within 32 eps x distance of where it should, eps the machine epsilon of the precision and distance that
-from the ray's origin to the farthest vertex of the triangle. So a hit is wrong if the point o + t d lies farther than
-that from the triangle, and a triangle must not be missed if the ray passes farther than that inside its outline.
+An answer is checked by its backward error. It is right if it is the exact answer for some scene in which every vertex
+is within 32 eps x distance of its position. Here eps is the machine epsilon of the precision, and distance is the
+distance from the ray's origin to the farthest vertex of the triangle. So a hit is wrong if the point o + t d is farther
+than that from the triangle. A miss is wrong if the ray passes farther than that inside the triangle's outline.
 
-Vertices move together with all their triangles. A ray that passes close to an edge or a vertex whose triangles all face
-it, or all turn away from it, therefore crosses one of them wherever they move: to miss them all is a leak. So is to
-leave a closed mesh without a hit. An outline (an edge of one triangle, or of two that face differently) is no excuse
-beyond the bound, and triangles without area are never hit.
+A vertex moves together with all its triangles. Consider a ray that passes close to an edge or a vertex whose triangles
+all face it, or all face away from it. It crosses one of them, however the vertices move: to miss them all is a leak.
+To leave a closed mesh without a hit is a leak too. At an outline (an edge of one triangle, or of two that face
+differently) a miss is allowed only within the bound. Triangles without area are never hit.
 """
 
 from collections.abc import Iterable
@@ -24,13 +24,13 @@ from raytrace.records import Hits
 Flags = NDArray[np.bool_]
 
 BACKWARD = 32  # machine epsilons times distance
-PATCHES = 1024  # looked at together
-WELL_SEEN = 8  # t is well-conditioned if distance <= WELL_SEEN x that from the origin to the triangle's plane ...
-WELL_SHAPED = 64  # ... and u, v if distance <= WELL_SHAPED x the least height of the triangle as the ray sees it
+PATCHES = 1024  # examined together
+WELL_SEEN = 8  # t is well-conditioned if distance <= WELL_SEEN x the distance from origin to the triangle's plane ...
+WELL_SHAPED = 64  # ... and u, v if distance <= WELL_SHAPED x the least height of the triangle seen along the ray
 
 
-class Query(NamedTuple):
-    """Rays for a mesh, in the numbers of one precision, and what must hold."""
+class RayQuery(NamedTuple):
+    """Rays and a mesh, rounded to one precision, and what must hold for the answers."""
 
     vertices: NDArray[np.floating]  # (v, 3), world units
     faces: Index  # (m, 3)
@@ -38,52 +38,52 @@ class Query(NamedTuple):
     d: NDArray[np.floating]  # (n, 3)
     tmin: NDArray[np.floating]  # (n,) units of d
     tmax: NDArray[np.floating]  # (n,) units of d
-    inside: Flags  # (n,): starts within a closed mesh and must meet it
-    tied: bool  # distances are equal without a rounding: the lowest of the nearest triangles must be named
+    inside: Flags  # (n,): the ray starts inside a closed mesh and must hit it
+    tied: bool  # equal distances are exactly equal: the lowest prim_id of the nearest triangles must be returned
 
 
 class Verdict(NamedTuple):
-    """What is wrong with the answers to n rays."""
+    """Errors in the answers to n rays."""
 
     wrong: Flags  # (n,): a hit or miss that the exact answer contradicts
-    leak: Flags  # (n,): went between triangles that share an edge or vertex, or out of a closed mesh
-    t_error: float  # largest relative error of t, of well-conditioned hits; NaN: there is none
-    uv_error: float  # largest error of u or v, of well-conditioned hits; NaN: there is none
+    leak: Flags  # (n,): the ray passed between triangles that share an edge or vertex, or left a closed mesh
+    t_error: float  # largest relative error of t over well-conditioned hits; NaN: there are none
+    uv_error: float  # largest error of u or v over well-conditioned hits; NaN: there are none
 
 
-def together(verdicts: Iterable[Verdict]) -> Verdict:
-    """Merge verdicts about several answers to the same rays; a ray is right if all of them are."""
+def merged(verdicts: Iterable[Verdict]) -> Verdict:
+    """Merge verdicts on several answers to the same rays: a ray is right only if all its answers are."""
     wrong, leak, t_errors, uv_errors = zip(*verdicts, strict=True)
     t, uv = (np.fmax.reduce(errors) for errors in (t_errors, uv_errors))  # NaN: none
     return Verdict(np.any(wrong, axis=0), np.any(leak, axis=0), float(t), float(uv))
 
 
 class Judge:
-    """Exact answers to a query, and what they say of others.
+    """Compute the exact answers to a query, and check other answers against them.
 
     Parameters
     ----------
-    query : Query
+    query : RayQuery
 
     Examples
     --------
     >>> floor = np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0]]), np.array([[0, 1, 2]])
     >>> ray = np.array([[1.0, 1, 3]]), np.array([[0.0, 0, -4]])
-    >>> judge = Judge(Query(*floor, *ray, np.zeros(1), np.full(1, np.inf), np.zeros(1, bool), False))
+    >>> judge = Judge(RayQuery(*floor, *ray, np.zeros(1), np.full(1, np.inf), np.zeros(1, bool), False))
     >>> judge.hits(Hits(np.array([0.75]), np.array([0]), np.array([0.25]), np.array([0.25]))).wrong
     array([False])
     >>> judge.hits(Hits(np.array([np.inf]), np.array([-1]), np.zeros(1), np.zeros(1))).wrong
     array([ True])
     """
 
-    def __init__(self, query: Query) -> None:
+    def __init__(self, query: RayQuery) -> None:
         self.query = query
         self.oracle = Oracle(query.vertices[query.faces], query.o, query.d)
         info = np.finfo(query.o.dtype)
         self._bound = BACKWARD * float(info.eps)
         self._tmin, self._tmax = query.tmin.astype(np.float64), query.tmax.astype(np.float64)
         c = self.crossings = self.oracle.crossings
-        with np.errstate(all="ignore"):  # of rays that are not finite
+        with np.errstate(all="ignore"):  # from rays that are not finite
             d = np.abs(query.d.astype(np.float64))
             longest = d.max(axis=1, initial=0.0)
             self._length = longest * np.sqrt(((d / longest[:, None]) ** 2).sum(axis=1))
@@ -91,38 +91,38 @@ class Judge:
         self._finite = np.isfinite(self._length) & (self._length > 0) & np.isfinite(query.o).all(axis=1)
         within = (c.t > self._tmin[c.ray]) & (c.t < self._tmax[c.ray])
         surely = (c.t - self._slack > self._tmin[c.ray]) & (c.t + self._slack < self._tmax[c.ray])
-        self._surrounds = np.full(len(c.ray), -1, np.int8)  # -1: not asked yet
+        self._surrounds = np.full(len(c.ray), -1, np.int8)  # -1: not computed yet
         self._within, self._required = within, surely & (c.t + self._slack < info.max)
 
     # --- nearest hits ---
 
     def hits(self, hits: Hits) -> Verdict:
-        """Judge nearest hits; a miss has prim_id -1."""
+        """Check nearest hits; a miss has prim_id -1."""
         t, prim = np.asarray(hits.t, np.float64), np.asarray(hits.prim_id, np.int64)
         found = (prim >= 0) & (prim < len(self.query.faces)) & np.isfinite(t)
         missed, leak = self._missed(np.where(found, t, np.inf))
         row = np.flatnonzero(found)
         false = ~found & (prim != -1)
         false[row] = self._implausible(row, prim[row], t[row])
-        leak &= ~false  # such a ray went nowhere
+        leak &= ~false  # a ray with an invalid hit is wrong, not a leak
         return Verdict((missed | false) & ~leak, leak, *self._errors(hits))
 
     def _pairs(self, ray: Index, prim: Index) -> tuple[Flags, Index]:
-        """Whether pairs cross, and their row of the crossings."""
+        """Whether each pair of ray and triangle crosses, and its row in the crossings."""
         c, m = self.crossings, len(self.query.faces)
         if not len(c.ray):
             return np.zeros(len(ray), bool), np.zeros(len(ray), np.intp)
         keys = c.ray * m + c.prim
-        wanted = ray * m + self.oracle.first[self.oracle.group[prim]]
-        at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-        return keys[at] == wanted, at
+        searched = ray * m + self.oracle.first[self.oracle.group[prim]]
+        at = np.minimum(np.searchsorted(keys, searched), len(keys) - 1)
+        return keys[at] == searched, at
 
     def _implausible(self, ray: Index, prim: Index, t: Doubles) -> Flags:
-        """Hits that lie off their triangle, outside of the interval, or on no area."""
+        """Mark hits that are off their triangle, outside the interval, or on a triangle without area."""
         low, high = self._tmin[ray], self._tmax[ray]
         bad = ~((low < high) & (low <= t) & (t <= high)) | ~self._finite[ray] | ~self.oracle.has_area(prim)
         reach = self.oracle.reach(ray, prim)
-        sure, at = self._pairs(ray, prim)  # then the distance along the ray is enough, if it is small
+        sure, at = self._pairs(ray, prim)  # for these, a small distance along the ray is sufficient
         length = self._length[ray]
         with np.errstate(all="ignore"):
             off = np.abs(t[sure] - self.crossings.t[at[sure]]) * length[sure]
@@ -133,7 +133,7 @@ class Judge:
         return bad
 
     def lowest(self) -> Index:
-        """First of the nearest triangles of each ray; -1: none. Exact where the query says that distances are tied."""
+        """Lowest prim_id of the nearest triangles of each ray; -1: none. Exact where ``query.tied`` is true."""
         c = self.crossings
         lowest = np.full(len(self.query.o), -1)
         order = np.lexsort((c.prim, c.t, c.ray))
@@ -143,7 +143,7 @@ class Judge:
         return lowest
 
     def _errors(self, hits: Hits) -> tuple[float, float]:
-        """Largest errors of well-conditioned hits: of t relative, of u and v absolute."""
+        """Largest errors of well-conditioned hits: relative error of t, absolute error of u and v."""
         prim = np.asarray(hits.prim_id, np.int64)
         row = np.flatnonzero((prim >= 0) & (prim < len(self.query.faces)) & self._finite)
         crosses, at = self._pairs(row, prim[row])
@@ -159,7 +159,7 @@ class Judge:
     # --- misses ---
 
     def _missed(self, t: Doubles) -> tuple[Flags, Flags]:
-        """Rays that went past a triangle before their answer t, and which of them between neighbours."""
+        """Rays that missed a triangle before their answer t, and those that passed between neighbours (leaks)."""
         c = self.crossings
         pairs = np.flatnonzero(self._required & (t[c.ray] > c.t + self._slack))
         near = c.edge[pairs] <= (self._bound * self.oracle.reach(c.ray[pairs], c.prim[pairs]))[:, None]
@@ -175,14 +175,14 @@ class Judge:
         return wrong, leak
 
     def _surrounded(self, pairs: Index) -> Flags:
-        """Whether each ray crosses a patch of neighbours that face it alike, and passes its rim beyond the bound."""
+        """Whether each ray crosses a patch of neighbours with equal facing, farther than the bound from its rim."""
         m, ray, prim = len(self.query.faces), self.crossings.ray[pairs], self.crossings.prim[pairs]
         side = self.oracle.facing(ray, prim)
         extent = float(np.sqrt((np.ptp(self.query.vertices.astype(np.float64), axis=0) ** 2).sum()))
-        held = self._bound * self.oracle.reach(ray, prim) < extent  # else the bound blurs the whole mesh
+        held = self._bound * self.oracle.reach(ray, prim) < extent  # else the bound is larger than the whole mesh
         known = np.zeros((len(pairs), m), bool)  # the patch of each pair
         known[np.flatnonzero(held), prim[held]] = True
-        number, face = np.nonzero(known)  # of it, what is new
+        number, face = np.nonzero(known)  # triangles added in the last step
         while len(number):
             alike = self.oracle.facing(ray[number], face) == side[number]
             reach = self.oracle.reach(ray[number], face)
@@ -197,7 +197,7 @@ class Judge:
 
     @cached_property
     def _neighbours(self) -> Index:
-        """Triangle behind each edge, of those with an area; -1 where there is none, or more than one."""
+        """Neighbour with an area across each edge; -1: there is none, or more than one."""
         faces = self.query.faces
         order = np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1)  # opposite v0, v1, v2
         low, high = order.min(axis=2), order.max(axis=2)
@@ -209,7 +209,7 @@ class Judge:
         return np.where((keys >= 0) & (count[number] == 2), both[number] - owner, -1)
 
     def _beside(self, ray: Index, prim: Index) -> Doubles:
-        """Distance of lines from the edges (n, 3) of triangles as seen along them, by float64; world units."""
+        """Distances (n, 3) of rays from the edges of triangles, projected along the ray, by float64; world units."""
         corners = self.oracle.corners[self.oracle.group[prim]] - self.oracle.o[ray][:, None]
         d = self.oracle.d[ray][:, None] / np.sqrt((self.oracle.d[ray] ** 2).sum(axis=1))[:, None, None]
         flat = corners - (corners * d).sum(axis=2, keepdims=True) * d
@@ -222,20 +222,20 @@ class Judge:
     # --- occlusion ---
 
     def occluded(self, occluded: Flags) -> Verdict:
-        """Judge whether anything lies within the interval."""
+        """Check occlusion answers: whether anything is hit within the interval."""
         wrong, leak = self._missed(np.where(occluded, -np.inf, np.inf))
         c = self.crossings
         low, high = self._tmin[c.ray], self._tmax[c.ray]
         with np.errstate(invalid="ignore"):
-            perhaps = (c.t + self._slack >= low) & (c.t - self._slack <= high) & (low < high)
+            possible = (c.t + self._slack >= low) & (c.t - self._slack <= high) & (low < high)
         explained = np.zeros(len(occluded), bool)
-        explained[c.ray[perhaps]] = True
+        explained[c.ray[possible]] = True
         for ray in np.flatnonzero(occluded & ~explained):
             wrong[ray] = not (self._finite[ray] and self._tmin[ray] < self._tmax[ray] and self._grazes(int(ray)))
         return Verdict(wrong & ~leak, leak, np.nan, np.nan)
 
     def _grazes(self, ray: int) -> bool:
-        """Whether a ray passes an edge within twice the bound (once, and as much for float64's own rounding)."""
+        """Whether a ray passes an edge within twice the bound; the second half covers the rounding of float64."""
         corners = self.oracle.corners[self.oracle.group] - self.oracle.o[ray]
         reach = np.sqrt((corners**2).sum(axis=2).max(axis=1))
         d = self.oracle.d[ray] / np.sqrt((self.oracle.d[ray] ** 2).sum())

@@ -1,4 +1,4 @@
-"""Meshes that break ray tracers, and numbers with addresses to aim at them."""
+"""Meshes that are hard for ray tracers, and addressed random numbers to aim rays at them."""
 
 from collections.abc import Callable
 from itertools import product
@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 Doubles = NDArray[np.float64]
 Faces = NDArray[np.int64]
-Mesh = tuple[Doubles, Faces]
+Mesh = tuple[Doubles, Faces]  # vertices (v, 3) and faces (m, 3)
 
 
 def uniform(seed: int, *shape: int) -> Doubles:
-    """Numbers in [-1, 1), each a hash of the seed and its place.
+    """Random numbers in [-1, 1), each a hash of the seed and its index.
 
     >>> bool((uniform(1, 8, 3)[:4] == uniform(1, 4, 3)).all())
     True
@@ -26,12 +26,12 @@ def uniform(seed: int, *shape: int) -> Doubles:
 
 
 def choice(seed: int, values: list[float], *shape: int) -> Doubles:
-    """Some of these values, each by its own address."""
+    """Random choices from these values, each a hash of the seed and its index."""
     return np.array(values)[((uniform(seed, *shape) + 1) * 0.5 * len(values)).astype(int)]
 
 
 def quads(rows: int, columns: int, wrap: bool = False) -> Faces:
-    """Two triangles for each cell of rows x columns vertices, on a torus if they wrap."""
+    """Two triangles per cell of a grid of rows x columns vertices; ``wrap`` joins the borders to a torus."""
     i, j = np.meshgrid(np.arange(rows - (not wrap)), np.arange(columns - (not wrap)), indexing="ij")
     a, b = i * columns + j, (i + 1) % rows * columns + j
     c, d = (i + 1) % rows * columns + (j + 1) % columns, i * columns + (j + 1) % columns
@@ -46,14 +46,14 @@ def grid(n: int) -> Mesh:
 
 
 def cube() -> Mesh:
-    """Closed, 12 triangles, corners at -1 and 1, facing outwards."""
+    """A closed cube of 12 triangles with corners at -1 and 1, facing outwards."""
     vertices = np.array(list(product((-1.0, 1.0), repeat=3)))
     sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     return vertices, np.array([[s[0], s[i], s[i + 1]] for s in sides for i in (1, 2)])
 
 
 def cubes(n: int) -> Mesh:
-    """n^3 closed cubes of side 1 that fill one about the origin; no two share a vertex, neighbours touch."""
+    """n^3 closed unit cubes that fill a large cube about the origin; neighbours touch but share no vertices."""
     vertices, faces = cube()
     middles = np.array(list(product(np.arange(n) - (n - 1) / 2, repeat=3)))
     corners = (vertices * 0.5 + middles[:, None]).reshape(-1, 3)
@@ -61,7 +61,7 @@ def cubes(n: int) -> Mesh:
 
 
 def icosphere(level: int) -> Mesh:
-    """Closed, 20 * 4^level triangles about the unit sphere."""
+    """A closed sphere of 20 * 4^level triangles with vertices on the unit sphere."""
     golden = (1 + 5**0.5) / 2
     corners = [np.roll([0.0, a, b * golden], k) for k in range(3) for a in (-1, 1) for b in (-1, 1)]
     vertices = np.array(corners) / np.linalg.norm(corners[0])
@@ -82,7 +82,7 @@ def icosphere(level: int) -> Mesh:
 
 
 def torus(rings: int, sides: int) -> Mesh:
-    """Closed; the circle of radius 1 in the plane z = 0 runs inside a tube of radius 0.4."""
+    """A closed torus: a tube of radius 0.4 around the circle of radius 1 in the plane z = 0."""
     f, t = np.meshgrid(np.arange(rings) * 2 * np.pi / rings, np.arange(sides) * 2 * np.pi / sides, indexing="ij")
     r = 1 + 0.4 * np.cos(t)
     vertices = np.stack([r * np.cos(f), r * np.sin(f), 0.4 * np.sin(t)], axis=-1).reshape(-1, 3)
@@ -90,7 +90,7 @@ def torus(rings: int, sides: int) -> Mesh:
 
 
 def fan(n: int) -> Mesh:
-    """Closed, two cones base to base; n triangles meet in the vertex 0 at the top."""
+    """A closed double cone; n triangles meet at the top, vertex 0."""
     angle = np.arange(n) * 2 * np.pi / n
     rim = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     i, j = np.arange(n) + 2, (np.arange(n) + 1) % n + 2
@@ -99,14 +99,14 @@ def fan(n: int) -> Mesh:
 
 
 def strip(n: int, aspect: float) -> Mesh:
-    """A square about the origin in the plane z = 0, with a band of 2 n triangles of that aspect along x."""
+    """A square about the origin in the plane z = 0, with a band of 2 n slivers of this aspect ratio along x."""
     y = np.concatenate([[-0.5], np.arange(n + 1) / aspect, [0.5]])
     vertices = np.stack([np.stack([0 * y - 0.5, y, 0 * y], 1), np.stack([0 * y + 0.5, y, 0 * y], 1)])
     return vertices.reshape(-1, 3), quads(2, n + 3)
 
 
 def flat(seed: int) -> Mesh:
-    """12 triangles without area about the unit cube: collinear corners, repeated ones, points."""
+    """12 triangles without area around the cube [-1, 1]^3: collinear corners, repeated corners, points."""
     a, b = choice(seed, [-1.0, -0.5, 0.0, 0.5, 1.0], 2, 12, 3)
     b = np.where(np.abs(a - b).sum(axis=1, keepdims=True) == 0, -a - 1.0, b)
     third = [(a + b) / 2, a, b, 2 * b - a]
@@ -116,19 +116,19 @@ def flat(seed: int) -> Mesh:
 
 
 def joined(*meshes: Mesh) -> Mesh:
-    """One mesh of several."""
+    """Join several meshes into one."""
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
     faces = [faces + start for (_, faces), start in zip(meshes, starts, strict=False)]
     return np.concatenate([vertices for vertices, _ in meshes]), np.concatenate(faces)
 
 
 def turned(points: Doubles) -> Doubles:
-    """Points turned about an axis of no special direction: the rotation of the quaternion (1, 2, 3, 4)."""
+    """Points rotated about an axis in general direction: the rotation of the quaternion (1, 2, 3, 4)."""
     rotation = np.array([[-20.0, 4.0, 22.0], [20.0, -10.0, 20.0], [10.0, 28.0, 4.0]]) / 30
     return points @ rotation.T
 
 
-# Closed meshes, and points inside them that see every wall, or at least some wall in every direction.
+# Closed meshes, and points inside them: every ray from such a point must hit the mesh.
 CLOSED: dict[str, tuple[Callable[[], Mesh], Doubles]] = {
     "cube": (cube, np.array([[0, 0, 0], [0.3, -0.7, 0.2], [0.999, 0.999, 0.999]])),
     "icosphere": (lambda: icosphere(3), np.array([[0, 0, 0], [0.1, 0.2, -0.3], [0.5, 0.5, 0.5]])),

@@ -1,8 +1,8 @@
-"""The exact oracle: which triangles the line of a ray crosses, in integer arithmetic on the floats as they are.
+"""Exact oracle: the triangles that the line of a ray crosses, computed in integer arithmetic on the given floats.
 
-Floats are integers times powers of two, and so is every product and sum of them: with Python's integers nothing is
-rounded, and a quotient of two integers is rounded once. Most pairs of ray and triangle are far apart, and are dropped
-by float64 arithmetic within a bound of its own error; only the others cost integers.
+A float is an integer times a power of two, and so are sums and products of floats. Python's integers compute them
+without rounding; a quotient of two integers is rounded once. Most pairs of ray and triangle are far apart. A float64
+test with a bound on its own error discards them, and only the others need integer arithmetic.
 """
 
 from typing import Any, NamedTuple
@@ -15,24 +15,24 @@ Index = NDArray[np.intp]
 Whole = NDArray[np.object_]  # Python's integers
 Triple = tuple[Any, Any, Any]
 
-PAIRS = 1 << 21  # rays x triangles looked at together
-# Of float64, relative to the sum of the magnitudes of all terms: a side (d x a) . (b - a), and the distance of a point
-# from a line, are products of factors once rounded, off by less than gamma(10) of that [Higham2002, 3.1].
+PAIRS = 1 << 21  # pairs (rays x triangles) tested together
+# Rounding error in float64, relative to the sum of the magnitudes of all terms. A side (d x a) . (b - a) and the
+# distance of a point from a line are products of factors rounded once: the error is below gamma(10) [Higham2002, 3.1].
 ROUNDING = 4e-15
 INTERIOR, EDGE, VERTEX = range(3)
 
 
 class Crossings(NamedTuple):
-    """Lines that cross triangles, a row a pair, in order of the rays: decided exactly, numbers rounded once."""
+    """Lines that cross triangles, one row per pair, sorted by ray: decided exactly, numbers rounded once."""
 
     ray: Index  # (k,)
-    prim: Index  # (k,): the first of equal triangles
+    prim: Index  # (k,): the first of identical triangles
     kind: NDArray[np.int8]  # (k,): INTERIOR, EDGE or VERTEX
     t: Doubles  # (k,) units of the direction; negative: behind the origin
     u: Doubles  # (k,) weight of v1
     v: Doubles  # (k,) weight of v2
     edge: Doubles  # (k, 3) world units: distance of the line from the edges opposite v0, v1, v2
-    cosine: Doubles  # (k,): between line and normal, > 0
+    cosine: Doubles  # (k,): cosine of the angle between line and normal, > 0
     height: Doubles  # (k,) world units: least height of the triangle as seen along the ray
 
 
@@ -61,14 +61,14 @@ def columns(a: NDArray[Any]) -> Triple:
     return a[..., 0], a[..., 1], a[..., 2]
 
 
-def parts(a: Doubles) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Floats as integers of 53 bits times powers of two."""
+def split_floats(a: Doubles) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Split floats into 53-bit integers and exponents of two."""
     mantissa, exponent = np.frexp(a)
     return (mantissa * 2.0**53).astype(np.int64), exponent.astype(np.int64) - 53
 
 
 def raised(whole: NDArray[np.int64], exponent: NDArray[np.int64], low: NDArray[np.int64] | int) -> Whole:
-    """Integers times 2^(exponent - low)."""
+    """Integers times 2^(exponent - low), exact."""
     shift = np.where(whole != 0, exponent - low, 0)
     return np.asarray(whole.astype(object) << shift.astype(object), object)
 
@@ -84,14 +84,14 @@ def magnitude(a: Doubles) -> int:
 
 
 class Oracle:
-    """Exact answers about rays and the triangles of a mesh.
+    """Compute exactly which triangles of a mesh the rays cross.
 
     Parameters
     ----------
     corners : (m, 3, 3) array_like of float
         Vertices of each triangle, finite.
     origins, directions : (n, 3) array_like of float
-        Rays; those that are not finite, or have no direction, cross nothing.
+        Rays; a ray that is not finite, or has direction 0, crosses nothing.
 
     Examples
     --------
@@ -116,8 +116,8 @@ class Oracle:
         self.crossings = self._crossings(np.flatnonzero(good))
 
     def _make_integers(self, rows: Doubles, o: Doubles, d: Doubles) -> None:
-        """Positions in units of 2^low, each direction in units of its own."""
-        (v, v_exponent), (p, p_exponent), (w, w_exponent) = parts(rows), parts(o), parts(d)
+        """Convert positions to integers in units of 2^low, and each direction in its own unit."""
+        (v, v_exponent), (p, p_exponent), (w, w_exponent) = split_floats(rows), split_floats(o), split_floats(d)
         exponents = np.concatenate([v_exponent[v != 0], p_exponent[p != 0]])
         self._low = int(exponents.min(initial=self._scale))
         self._v, self._p = raised(v, v_exponent, self._low), raised(p, p_exponent, self._low)
@@ -129,7 +129,7 @@ class Oracle:
         self.normal = ratio(self._normal, self._unit**2) if len(rows) else np.zeros((0, 3))
 
     def _candidates(self, rays: Index) -> tuple[Index, Index]:
-        """Pairs whose line may cross the triangle's circumscribed ball, and for which no two sides surely differ."""
+        """Candidate pairs: the line may cross the triangle's bounding ball, and its signs do not exclude a crossing."""
         centre = self.corners.mean(axis=1)
         radius = np.sqrt(((self.corners - centre[:, None]) ** 2).sum(axis=2).max(axis=1, initial=0.0))
         unit = self.d / np.sqrt((self.d**2).sum(axis=1, keepdims=True).clip(min=0.25))
@@ -147,7 +147,7 @@ class Oracle:
         return ray, group
 
     def _undecided(self, ray: Index, group: Index) -> NDArray[np.bool_]:
-        """Pairs for which no two sides are surely of different sign."""
+        """Mark pairs that have no two edges with certainly different signs."""
         d, o, corners = columns(self.d[ray]), self.o[ray], self.corners[group]
         some_above, some_below = np.zeros((2, len(ray)), bool)
         for k in range(3):
@@ -171,7 +171,7 @@ class Oracle:
         return self._measured(ray[order], group[order], sides[order], det[order])
 
     def _measured(self, ray: Index, group: Index, sides: Whole, det: Whole) -> Crossings:
-        """Numbers of pairs that cross."""
+        """Compute t, u, v and distances of pairs that cross."""
         above = dot(columns(self._normal[group]), columns(self._v[group, 0] - self._p[ray]))
         shift = self._low - self._d_low[ray]
         up, down = (1 << np.maximum(s, 0).astype(object) for s in (shift, -shift))
@@ -196,27 +196,27 @@ class Oracle:
         )
 
     def facing(self, ray: Index, prim: Index) -> NDArray[np.int64]:
-        """Sign of n . d of pairs: -1 where the ray sees the front, 0 where it runs in the plane or there is no area."""
+        """Sign of n . d per pair: -1: the ray sees the front; 0: it lies in the plane, or the triangle has no area."""
         side = dot(columns(self._normal[self.group[prim]]), columns(self._w[ray]))
         return np.sign(side).astype(np.int64)
 
     def has_area(self, prim: Index) -> NDArray[np.bool_]:
-        """Whether triangles have an area."""
+        """Whether each triangle has an area, decided exactly."""
         return np.asarray((self._normal[self.group[prim]] != 0).any(axis=1), bool)
 
     def reach(self, ray: Index, prim: Index) -> Doubles:
-        """Distance from the origin to the farthest vertex of pairs, world units."""
+        """Distance from the ray's origin to the farthest vertex of the triangle, per pair; world units."""
         away = self.corners[self.group[prim]] - self.o[ray][:, None]
         return np.ldexp(np.sqrt((away**2).sum(axis=2).max(axis=1, initial=0.0)), self._scale)
 
     def distance(self, ray: Index, prim: Index, t: Doubles) -> Doubles:
-        """Distance of o + t d from triangles, world units; t finite, and such that the point is not far beyond them.
+        """Distance of the points o + t d from triangles, world units; t must be finite.
 
-        The point relative to each vertex is exact and then rounded; so is its distance from the plane, and whether it
-        lies over the triangle.
+        The point relative to each vertex and its distance from the plane are computed exactly, then rounded once.
+        Whether the point lies over the triangle is decided exactly. Integers grow with the size of t.
         """
         group = self.group[prim]
-        whole, exponent = parts(np.asarray(t, np.float64))
+        whole, exponent = split_floats(np.asarray(t, np.float64))
         shift = np.where(whole != 0, self._d_low[ray] + exponent - self._low, 0)
         up, down = (np.maximum(s, 0).astype(object)[:, None] for s in (shift, -shift))
         moved = (self._w[ray] * whole.astype(object)[:, None]) << up

@@ -1,4 +1,4 @@
-"""The suite of hard cases: ray tracers run it, and exact arithmetic judges them."""
+"""The suite of hard cases: run ray tracers on it and check their answers in exact arithmetic."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -7,40 +7,40 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.hardcases.judge import Judge, Query, Verdict, together
-from raytrace.hardcases.peers import peers
+from raytrace.hardcases.judge import Judge, RayQuery, Verdict, merged
+from raytrace.hardcases.other_tracers import installed_tracers
 from raytrace.hardcases.rays import Case, cases
 from raytrace.hardcases.shadows import ShadowCase, shadow_cases
-from raytrace.hardcases.tracers import Tracer, tracers
+from raytrace.hardcases.tracers import Tracer, own_tracers
 
 
 class Score(NamedTuple):
-    """How one tracer did in one case; NaN: nothing to measure."""
+    """Result of one tracer in one case; NaN: nothing to measure."""
 
     rays: int
-    wrong: int  # hits and misses that the exact answer contradicts
-    leaks: int  # rays between equally facing neighbours, or out of a closed mesh
-    self_shadows: int  # lit points that are in shadow
-    light_leaks: int  # points behind a wall that are lit
-    t_error: float  # largest relative error of t, of well-conditioned hits
-    uv_error: float  # largest error of u or v, of well-conditioned hits
+    wrong: int  # hits and misses that contradict the exact answer
+    leaks: int  # rays that passed between neighbours of equal facing, or left a closed mesh
+    self_shadows: int  # lit points that the tracer reports as shadowed
+    light_leaks: int  # points behind a wall that the tracer reports as lit
+    t_error: float  # largest relative error of t over well-conditioned hits
+    uv_error: float  # largest error of u or v over well-conditioned hits
 
     @property
     def failures(self) -> int:
-        """All that is wrong."""
+        """Number of all failures."""
         return self.wrong + self.leaks + self.self_shadows + self.light_leaks
 
 
 class Outcome(NamedTuple):
-    """What the suite found."""
+    """Results of the suite."""
 
     cases: tuple[Case | ShadowCase, ...]
     tracers: tuple[Tracer, ...]
-    scores: Mapping[tuple[str, str], Score]  # (case, tracer); without the cases that a tracer can't be asked
-    missing: Mapping[str, str]  # peers that are not installed, and why
+    scores: Mapping[tuple[str, str], Score]  # by (case, tracer); no entry where a tracer does not support the case
+    missing: Mapping[str, str]  # tracers that are not installed, and why
 
     def total(self, tracer: Tracer) -> Score:
-        """Sum over all cases."""
+        """Sum over all cases of one tracer."""
         rows = [score for (_, name), score in self.scores.items() if name == tracer.name]
         rays, wrong, leaks, self_shadows, light_leaks = (sum(int(row[k]) for row in rows) for k in range(5))
         t, uv = (float(np.fmax.reduce([row[k] for row in rows] or [math.nan])) for k in (5, 6))
@@ -48,7 +48,7 @@ class Outcome(NamedTuple):
 
     @property
     def our_failures(self) -> int:
-        """How much is wrong with this package's own answers."""
+        """Number of failures of this package's own tracers."""
         return sum(self.total(tracer).failures for tracer in self.tracers if tracer.exact)
 
 
@@ -56,20 +56,20 @@ class Outcome(NamedTuple):
 
 
 def run(
-    who: Sequence[Tracer] | None = None,
+    tracers: Sequence[Tracer] | None = None,
     step: int = 1,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Outcome:
-    """Run ray tracers over all hard cases and judge them.
+    """Run ray tracers on all hard cases and check their answers.
 
     Parameters
     ----------
-    who : sequence of Tracer, optional
-        Default: ours, the baseline, and every peer that is installed.
+    tracers : sequence of Tracer, optional
+        Default: this package, the baseline, and every other tracer that is installed.
     step : int
-        Take every step-th ray of each case.
+        Use every step-th ray of each case.
     progress : callable, optional
-        Is told (name of the case, number of it, number of cases).
+        Called with (name of the case, its number, number of cases).
 
     Returns
     -------
@@ -83,23 +83,23 @@ def run(
     0
     """
     missing: dict[str, str] = {}
-    if who is None:
-        others, missing = peers()
-        who = [*tracers(), *others]
+    if tracers is None:
+        others, missing = installed_tracers()
+        tracers = [*own_tracers(), *others]
     suite: tuple[Case | ShadowCase, ...] = (*cases(), *shadow_cases())
     scores: dict[tuple[str, str], Score] = {}
     for number, case in enumerate(suite):
         if progress:
             progress(case.name, number, len(suite))
-        found = _rays(case, who, step) if isinstance(case, Case) else _shadows(case, who, step)
+        found = _rays(case, tracers, step) if isinstance(case, Case) else _shadows(case, tracers, step)
         scores.update(((case.name, name), score) for name, score in found.items())
-    return Outcome(suite, tuple(who), scores, missing)
+    return Outcome(suite, tuple(tracers), scores, missing)
 
 
-def _rays(case: Case, who: Iterable[Tracer], step: int) -> dict[str, Score]:
+def _rays(case: Case, tracers: Iterable[Tracer], step: int) -> dict[str, Score]:
     judges: dict[np.dtype, Judge] = {}
     scores = {}
-    for tracer in who:
+    for tracer in tracers:
         if tracer.dtype not in judges:
             judges[tracer.dtype] = Judge(case.query(tracer.dtype, step))
         query = judges[tracer.dtype].query
@@ -110,25 +110,25 @@ def _rays(case: Case, who: Iterable[Tracer], step: int) -> dict[str, Score]:
     return scores
 
 
-def _has_limits(query: Query) -> bool:
+def _has_limits(query: RayQuery) -> bool:
     return bool((query.tmin != 0).any() or (query.tmax != np.inf).any())
 
 
 def _verdict(tracer: Tracer, judge: Judge) -> Verdict:
-    """All answers of a tracer together; one that promises a single answer must also keep that."""
+    """Check all answers of a tracer; those of an exact tracer must also be bit-identical along every path."""
     query = judge.query
     nearest, blocked = list(tracer.nearest(query)), list(tracer.blocked(query))
     verdicts = [judge.hits(hits) for hits in _different(nearest)]
     verdicts += [judge.occluded(answer) for answer in _different(blocked)]
     if tracer.exact:
-        torn = np.zeros(len(query.o), bool)
+        inconsistent = np.zeros(len(query.o), bool)
         for hits in nearest:
-            torn |= np.any([_differs(a, b) for a, b in zip(hits, nearest[0], strict=True)], axis=0)
-            torn |= query.tied & (hits.prim_id != judge.lowest())
+            inconsistent |= np.any([_differs(a, b) for a, b in zip(hits, nearest[0], strict=True)], axis=0)
+            inconsistent |= query.tied & (hits.prim_id != judge.lowest())
         for answer in blocked:
-            torn |= answer != (nearest[0].prim_id >= 0)
-        verdicts.append(Verdict(torn, np.zeros(len(torn), bool), math.nan, math.nan))
-    verdict = together(verdicts)
+            inconsistent |= answer != (nearest[0].prim_id >= 0)
+        verdicts.append(Verdict(inconsistent, np.zeros(len(inconsistent), bool), math.nan, math.nan))
+    verdict = merged(verdicts)
     return verdict._replace(wrong=verdict.wrong & ~verdict.leak)
 
 
@@ -137,7 +137,7 @@ def _differs(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _different(answers: list[Any]) -> list[Any]:
-    """Hits or flags without repetitions."""
+    """Answers without duplicates."""
     kept: list[Any] = []
     for answer in answers:
         if not any(np.array_equal(np.stack(answer), np.stack(other), equal_nan=True) for other in kept):
@@ -145,9 +145,9 @@ def _different(answers: list[Any]) -> list[Any]:
     return kept
 
 
-def _shadows(case: ShadowCase, who: Iterable[Tracer], step: int) -> dict[str, Score]:
+def _shadows(case: ShadowCase, tracers: Iterable[Tracer], step: int) -> dict[str, Score]:
     scores = {}
-    for tracer in who:
+    for tracer in tracers:
         query = case.query(tracer.dtype, step)
         failed = np.zeros(len(query.o), bool)
         for lit in tracer.shadows(query):

@@ -1,4 +1,4 @@
-"""What the suite of hard cases found, as tables, Markdown and JSON."""
+"""Results of the suite of hard cases as tables, Markdown and JSON."""
 
 import json
 import math
@@ -11,13 +11,13 @@ from raytrace.hardcases.judge import BACKWARD
 from raytrace.hardcases.suite import Outcome, Score
 from raytrace.output_folder import write as write_files
 
-SCHEMA = "raytrace.hard-cases/1"  # of the JSON file; another number where a field changes its meaning or leaves
+SCHEMA = "raytrace.hard-cases/1"  # of the JSON file; the number changes when a field changes its meaning or is removed
 LEGEND = """\
-w: a hit or miss that the exact answer contradicts beyond a backward error of {bound} eps x distance; l: a leak, between
-equally facing neighbours or out of a closed mesh; s: a lit point that shadows itself; t: light through a wall; a dash:
-not asked, for the tracer knows no tmin and tmax."""
+w: a hit or miss that contradicts the exact answer beyond a backward error of {bound} eps x distance; l: a leak, between
+neighbours of equal facing or out of a closed mesh; s: a lit point that shadows itself; t: light through a wall; a dash:
+not run, because the tracer has no tmin and tmax."""
 
-KINDS = {  # of cases, by what their names match
+KINDS = {  # kinds of cases, and the pattern of their names
     "closed meshes from inside, at edges and vertices": ", from inside$",
     "closed meshes from outside, at edges and vertices": ", from outside$",
     "lattice rays, along axes, in slab planes": "^lattice|^axes",
@@ -40,11 +40,11 @@ KINDS = {  # of cases, by what their names match
 }
 
 
-EXTREME = r"\b(scale|by|translation|origins|directions) 1e[+-](0[6-9]|[1-9]\d)\b"  # what cases are named that have it
+EXTREME = r"\b(scale|by|translation|origins|directions) 1e[+-](0[6-9]|[1-9]\d)\b"  # names of cases with extreme values
 
 
 def failures(score: Score | None) -> str:
-    """Write the failures of one case in a cell.
+    """Format the failures of one case for a cell.
 
     >>> failures(Score(100, 3, 2, 0, 0, 1e-7, 1e-7)), failures(Score(100, 0, 0, 0, 0, 1e-7, 1e-7)), failures(None)
     ('3w 2l', '0', '-')
@@ -59,14 +59,14 @@ def _error(error: float) -> str:
 
 
 def totals_table(outcome: Outcome) -> list[list[str]]:
-    """One row a tracer: rays, failures by kind, worst errors."""
+    """One row per tracer: rays, failures by type, largest errors."""
     header = ["", "rays", "wrong (w)", "leaks (l)", "self-shadows (s)", "through walls (t)", "worst t", "worst u, v"]
     rows = [(f"{tracer.name} ({tracer.version})", outcome.total(tracer)) for tracer in outcome.tracers]
     return [header, *([name, *map(str, score[:5]), *map(_error, score[5:])] for name, score in rows)]
 
 
 def moderate(outcome: Outcome) -> Outcome:
-    """The cases without sizes, distances, translations and lengths of 1e6 and more, or 1e-6 and less."""
+    """Results without the cases whose sizes, distances, translations or lengths are 1e6 or more, or 1e-6 or less."""
     cases = tuple(case for case in outcome.cases if not re.search(EXTREME, case.name))
     names = {case.name for case in cases}
     scores = {key: score for key, score in outcome.scores.items() if key[0] in names}
@@ -74,7 +74,7 @@ def moderate(outcome: Outcome) -> Outcome:
 
 
 def kinds_table(outcome: Outcome) -> list[list[str]]:
-    """One row a kind of cases: rays, and the failures of each tracer."""
+    """One row per kind of case: number of rays, and the failures of each tracer."""
     rows = [["", "rays", *(tracer.name for tracer in outcome.tracers)]]
     for kind, pattern in KINDS.items():
         names = {case.name for case in outcome.cases if re.search(pattern, case.name)}
@@ -88,7 +88,7 @@ def kinds_table(outcome: Outcome) -> list[list[str]]:
 
 
 def failures_table(outcome: Outcome) -> list[list[str]]:
-    """One row a case: rays, and the failures of each tracer."""
+    """One row per case: number of rays, and the failures of each tracer."""
     rows = [["", "rays", *(tracer.name for tracer in outcome.tracers)]]
     for case in outcome.cases:
         found = [outcome.scores.get((case.name, tracer.name)) for tracer in outcome.tracers]
@@ -97,7 +97,7 @@ def failures_table(outcome: Outcome) -> list[list[str]]:
 
 
 def errors_table(outcome: Outcome) -> list[list[str]]:
-    """One row a case with well-conditioned hits: worst relative error of t / worst error of u, v of each tracer."""
+    """One row per case with well-conditioned hits: largest relative error of t / largest error of u, v per tracer."""
     rows = [["", *(tracer.name for tracer in outcome.tracers)]]
     for case in outcome.cases:
         found = [outcome.scores.get((case.name, tracer.name)) for tracer in outcome.tracers]
@@ -108,7 +108,7 @@ def errors_table(outcome: Outcome) -> list[list[str]]:
 
 
 def text_table(rows: list[list[str]], markdown: bool = False) -> str:
-    """Lay out rows, the header first: for terminals, or as Markdown."""
+    """Format rows, the header first, for a terminal or as Markdown."""
     width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines = [[text.ljust(n) if k == 0 else text.rjust(n) for k, (text, n) in enumerate(zip(row, width, strict=True))]
              for row in rows]  # fmt: skip
@@ -119,23 +119,23 @@ def text_table(rows: list[list[str]], markdown: bool = False) -> str:
 
 
 def legend(outcome: Outcome) -> str:
-    """Tell what the letters mean, and who is missing."""
+    """Explain the letters, and list the tracers that were not run."""
     absent = "".join(f"\n\nNot run: {name}: {reason}" for name, reason in outcome.missing.items())
     return LEGEND.format(bound=BACKWARD) + absent
 
 
 def text(outcome: Outcome) -> str:
-    """Failures and totals, for terminals."""
+    """Format failures and totals for a terminal."""
     tables = text_table(failures_table(outcome)), text_table(totals_table(outcome))
     return "\n\n".join([*tables, legend(outcome)])
 
 
 def markdown(outcome: Outcome) -> str:
-    """All tables as a Markdown page."""
+    """Format all tables as a Markdown page."""
     parts = [
         f"# Hard cases, raytrace {raytrace.__version__}",
         text_table(totals_table(outcome), markdown=True),
-        "## Totals without sizes, distances, translations and lengths of 1e6 and more, or 1e-6 and less",
+        "## Totals without sizes, distances, translations and lengths of 1e6 or more, or 1e-6 or less",
         text_table(totals_table(moderate(outcome)), markdown=True),
         "## Failures by kind of case",
         text_table(kinds_table(outcome), markdown=True),
@@ -149,7 +149,7 @@ def markdown(outcome: Outcome) -> str:
 
 
 def as_json(outcome: Outcome) -> dict[str, Any]:
-    """All numbers; NaN is null."""
+    """All numbers as JSON values; NaN becomes null."""
 
     def plain(score: Score) -> dict[str, int | float | None]:
         return {name: None if value != value else value for name, value in score._asdict().items()}
@@ -174,6 +174,6 @@ def as_json(outcome: Outcome) -> dict[str, Any]:
 
 
 def write(outcome: Outcome, folder: Path) -> tuple[Path, ...]:
-    """Write ``hard-cases.json`` and ``hard-cases.md`` into a folder, each whole or not at all; their paths."""
+    """Write ``hard-cases.json`` and ``hard-cases.md`` into a folder, each completely or not at all."""
     texts = {"hard-cases.json": json.dumps(as_json(outcome), indent=1) + "\n", "hard-cases.md": markdown(outcome)}
     return write_files(folder, {name: text.encode() for name, text in texts.items()})

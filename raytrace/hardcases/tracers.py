@@ -1,4 +1,7 @@
-"""Ray tracers behind one face: ours along every path, and the baseline, the course implementation of the beginning."""
+"""``Tracer``, the interface of ray tracers in the suite; this package along every path, and the baseline.
+
+The baseline is the original course implementation.
+"""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -8,57 +11,57 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import raytrace
-from raytrace.accel import query
+from raytrace.accel import query as kernels
 from raytrace.accel.bundle import BUNDLE
 from raytrace.accel.bvh import BVH
 from raytrace.accel.grow import SPLITS
 from raytrace.accel.inputs import columns_of
 from raytrace.accel.lanes import PACKET
-from raytrace.hardcases.judge import Flags, Query
+from raytrace.hardcases.judge import Flags, RayQuery
 from raytrace.hardcases.shadows import LightQuery
 from raytrace.passes.light import shadow_rays, triangles_at
 from raytrace.records import Hits, Points, Rays, Shadows, Surface
 
 Reals = NDArray[np.floating]
-EPSILON = 1e-4  # of the course: where shadow rays begin, and how far before the light they end, in user units
+EPSILON = 1e-4  # offset of shadow rays in the course, world units: at the surface, and before the light
 
 
 class Lit(NamedTuple):
-    """What shadow rays found."""
+    """Result of shadow rays."""
 
     found: Flags  # (n,): a point was hit
-    dark: Flags  # (n,): its light does not reach it
+    dark: Flags  # (n,): the light does not reach it
 
 
 class Tracer(Protocol):
-    """What the suite asks of a ray tracer; several answers to the same question are from several paths."""
+    """Interface of a ray tracer in the suite; each path through the tracer yields an answer of its own."""
 
     name: str
     version: str
     dtype: np.dtype
-    interval: bool  # knows tmin and tmax
-    exact: bool  # promises the same bits along every path, and the lowest of triangles at equal distance
+    interval: bool  # supports tmin and tmax
+    exact: bool  # guarantees bit-identical answers along every path, and the lowest prim_id at equal distance
 
-    def nearest(self, asked: Query) -> Iterator[Hits]:
+    def nearest(self, query: RayQuery) -> Iterator[Hits]:
         """Nearest hits."""
 
-    def blocked(self, asked: Query) -> Iterator[Flags]:
+    def blocked(self, query: RayQuery) -> Iterator[Flags]:
         """Whether anything is hit."""
 
-    def shadows(self, asked: LightQuery) -> Iterator[Lit]:
-        """Whether the light of each point is kept from it."""
+    def shadows(self, query: LightQuery) -> Iterator[Lit]:
+        """Whether each point is hit, and whether its light is blocked."""
 
 
 # --- packets and single rays -----------------------------------------------------------------------------------------
 
 
-def kind(d: Reals) -> NDArray[np.int64]:
-    """Rays of one kind have the same signs and the same largest component."""
+def octant_and_axis(d: Reals) -> NDArray[np.int64]:
+    """Number of the octant and dominant axis of each ray."""
     return np.argmax(np.abs(d), axis=1) * 8 + (d < 0) @ np.array([1, 2, 4])
 
 
 def scattered(answers: Any, order: NDArray[np.int64], n: int) -> Any:
-    """Answers to rays ``order`` in the order of the rays."""
+    """Bring answers to rays in ``order`` back into the original order."""
     if isinstance(answers, Hits):
         return Hits(*[scattered(column, order, n) for column in answers])
     column = np.empty(n, answers.dtype)
@@ -67,76 +70,85 @@ def scattered(answers: Any, order: NDArray[np.int64], n: int) -> Any:
 
 
 def packed(ask: Callable[..., Any], o: Reals, d: Reals, tmin: ArrayLike = 0.0, tmax: ArrayLike = np.inf) -> Any:
-    """Ask with rays of one kind beside each other, whole packets of them, so that they go side by side."""
-    kinds = kind(d)
+    """Trace rays sorted by octant and axis in full packets, so that they are traversed as packets."""
+    kinds = octant_and_axis(d)
     rows = [np.flatnonzero(kinds == number) for number in np.unique(kinds)]
-    order = np.concatenate([np.resize(mine, -(-len(mine) // PACKET) * PACKET) for mine in rows] or [kinds])
+    order = np.concatenate([np.resize(row, -(-len(row) // PACKET) * PACKET) for row in rows] or [kinds])
     limits = (np.broadcast_to(limit, len(d))[order] for limit in (tmin, tmax))
     return scattered(ask(o[order], d[order], *limits), order, len(d))
 
 
 def alone(ask: Callable[..., Any], o: Reals, d: Reals, tmin: ArrayLike = 0.0, tmax: ArrayLike = np.inf) -> Any:
-    """Ask with every ray the only one alive of its packet and kind, so that each goes through the tree alone."""
-    starts, lone, *ends = _apart(PACKET, o, d, tmin, tmax)
-    lone[1::PACKET] = -np.roll(d, 1, axis=1)  # of another kind: so they make no bundle
-    return _first(PACKET, ask(starts, lone, *ends))
+    """Trace each ray as the only valid one of its packet and octant, so that it is traversed as a single ray."""
+    rays = _spaced(PACKET, o, d, tmin, tmax)
+    rays.d[1::PACKET] = -np.roll(d, 1, axis=1)  # another octant, so that they form no bundle
+    return _every(PACKET, ask(*rays))
 
 
 def bundled(ask: Callable[..., Any], o: Reals, d: Reals, tmin: ArrayLike = 0.0, tmax: ArrayLike = np.inf) -> Any:
-    """Ask with every ray the only one of its bundle that is alive: behind the narrowest frustum that there is."""
-    return _first(BUNDLE * PACKET, ask(*_apart(BUNDLE * PACKET, o, d, tmin, tmax)))
+    """Trace each ray as the only valid one of its bundle: behind the narrowest possible frustum."""
+    return _every(BUNDLE * PACKET, ask(*_spaced(BUNDLE * PACKET, o, d, tmin, tmax)))
 
 
-def _apart(n: int, o: Reals, d: Reals, tmin: ArrayLike, tmax: ArrayLike) -> list[Reals]:
-    """Rays n rows apart, and between them rays that can't hit."""
+class _SpacedRays(NamedTuple):
+    """Rays n rows apart, with invalid rays between them."""
+
+    o: Reals  # (k n, 3)
+    d: Reals  # (k n, 3); NaN: invalid
+    tmin: Reals  # (k n,)
+    tmax: Reals  # (k n,)
+
+
+def _spaced(n: int, o: Reals, d: Reals, tmin: ArrayLike, tmax: ArrayLike) -> _SpacedRays:
+    """Place the rays n rows apart, with invalid rays between them."""
     limits = (np.broadcast_to(limit, len(d)) for limit in (tmin, tmax))
-    starts, lone, *ends = (np.repeat(a, n, axis=0) for a in (o, d, *limits))
-    lone[np.arange(len(lone)) % n != 0] = np.nan
-    return [starts, lone, *ends]
+    rays = _SpacedRays(*(np.repeat(a, n, axis=0) for a in (o, d, *limits)))
+    rays.d[np.arange(len(rays.d)) % n != 0] = np.nan
+    return rays
 
 
-def _first(n: int, answers: Any) -> Any:
-    """Every n-th answer."""
+def _every(n: int, answers: Any) -> Any:
+    """Keep every n-th answer."""
     return Hits._make(column[::n] for column in answers) if isinstance(answers, Hits) else answers[::n]
 
 
-def together(ask: Callable[..., Any], o: Reals, d: Reals, tmin: ArrayLike = 0.0, tmax: ArrayLike = np.inf) -> Any:
-    """Ask for all rays at once, in no order, so that they are sorted first."""
+def shuffled(ask: Callable[..., Any], o: Reals, d: Reals, tmin: ArrayLike = 0.0, tmax: ArrayLike = np.inf) -> Any:
+    """Trace all rays at once in shuffled order, so that the tree sorts them first."""
     order = np.argsort(np.arange(len(d)) * 0.6180339887498949 % 1.0)
     limits = (np.broadcast_to(limit, len(d))[order] for limit in (tmin, tmax))
     return scattered(ask(o[order], d[order], *limits), order, len(d))
 
 
 def closest_as_given(bvh: BVH, o: Reals, d: Reals, tmin: ArrayLike, tmax: ArrayLike) -> Hits:
-    """Nearest hits of rays in packets as they are given: they are not sorted first."""
+    """Nearest hits of rays in packets in the given order, without sorting."""
     n, dtype = len(d), bvh.triangles.dtype
     hits = Hits(np.empty(n, dtype), np.empty(n, np.int32), np.empty(n, dtype), np.empty(n, dtype))
     arrays = [np.ascontiguousarray(a, dtype) for a in (o, d, tmin, tmax)]
-    query.closest_hit(bvh.tree, Rays(*(columns_of(a, n) for a in arrays)), hits, n, bvh.work())
+    kernels.closest_hit(bvh.tree, Rays(*(columns_of(a, n) for a in arrays)), hits, n, bvh.work())
     return hits
 
 
 def any_as_given(bvh: BVH, o: Reals, d: Reals, tmin: ArrayLike, tmax: ArrayLike) -> Flags:
-    """Whether rays in packets as they are given hit anything."""
+    """Whether rays in packets in the given order hit anything, without sorting."""
     occluded = np.empty(len(d), bool)
     arrays = [np.ascontiguousarray(a, bvh.triangles.dtype) for a in (o, d, tmin, tmax)]
-    query.any_hit(bvh.tree, Rays(*(columns_of(a, len(d)) for a in arrays)), occluded, len(d), bvh.work())
+    kernels.any_hit(bvh.tree, Rays(*(columns_of(a, len(d)) for a in arrays)), occluded, len(d), bvh.work())
     return occluded
 
 
 def paths(bvh: BVH) -> Iterator[tuple[Callable[..., Hits], Callable[..., Flags]]]:
-    """Nearest hit and occlusion along every path through a tree."""
-    for path in (packed, together):
+    """Functions for nearest hits and occlusion, a pair for each path through the traversal."""
+    for path in (packed, shuffled):
         yield partial(path, bvh.closest_hit), partial(path, bvh.any_hit)
     for path in (alone, bundled):
         yield partial(path, partial(closest_as_given, bvh)), partial(path, partial(any_as_given, bvh))
 
 
-# --- ours ------------------------------------------------------------------------------------------------------------
+# --- this package -----------------------------------------------------------------------------------------------------
 
 
 class Ours:
-    """``rt.BVH`` in one precision: both splits, packets and single rays."""
+    """``rt.BVH`` in one precision: both splits; packets, bundles and single rays."""
 
     interval, triangle, version = True, "watertight", raytrace.__version__
 
@@ -144,61 +156,68 @@ class Ours:
         self.name, self.exact = f"raytrace {precision}", True
         self.dtype: np.dtype = np.dtype(precision)
 
-    def _trees(self, made: Query | LightQuery) -> Iterator[BVH]:
+    def _trees(self, query: RayQuery | LightQuery) -> Iterator[BVH]:
         for split in SPLITS:
-            yield BVH(made.vertices, made.faces, self.dtype.name, split, self.triangle)
+            yield BVH(query.vertices, query.faces, self.dtype.name, split, self.triangle)
 
-    def nearest(self, asked: Query) -> Iterator[Hits]:
+    def nearest(self, query: RayQuery) -> Iterator[Hits]:
         """Nearest hits."""
-        for bvh in self._trees(asked):
+        for bvh in self._trees(query):
             for closest, _ in paths(bvh):
-                yield closest(asked.o, asked.d, asked.tmin, asked.tmax)
+                yield closest(query.o, query.d, query.tmin, query.tmax)
 
-    def blocked(self, asked: Query) -> Iterator[Flags]:
+    def blocked(self, query: RayQuery) -> Iterator[Flags]:
         """Whether anything is hit."""
-        for bvh in self._trees(asked):
+        for bvh in self._trees(query):
             for _, occluded in paths(bvh):
-                yield occluded(asked.o, asked.d, asked.tmin, asked.tmax)
+                yield occluded(query.o, query.d, query.tmin, query.tmax)
 
-    def shadows(self, asked: LightQuery) -> Iterator[Lit]:
-        """Shadow rays as the renderer makes them, through a tree without the triangles that the light lies on."""
-        lights, number = np.unique(asked.light, axis=0, return_inverse=True)
+    def shadows(self, query: LightQuery) -> Iterator[Lit]:
+        """Shadow rays as the renderer makes them, in a tree without the triangles that contain the light."""
+        lights, number = np.unique(query.light, axis=0, return_inverse=True)
         rows = [np.flatnonzero(number.ravel() == k) for k in range(len(lights))]
-        for bvh in self._trees(asked):
+        for bvh in self._trees(query):
             lit_on = (triangles_at(bvh.tree, bvh.triangles, light) for light in lights)
             trees = [
                 BVH(bvh.vertices, np.delete(bvh.faces, prims, axis=0), bvh.precision, bvh.split) for prims in lit_on
             ]
-            ways = zip(paths(bvh), *map(paths, trees), strict=True)
-            for (closest, _), *others in ways:
-                hits = closest(asked.o, asked.d)
-                surface, dark = bvh.surface(hits), np.zeros(len(asked.o), bool)
-                for light, mine, (_, occluded) in zip(lights, rows, others, strict=True):
-                    o, d, tmax = sent(Surface._make(a[mine] for a in surface), light)
-                    dark[mine] = occluded(o, d, 0.0, tmax) | (tmax <= 0)
+            for (closest, _), *others in zip(paths(bvh), *map(paths, trees), strict=True):
+                hits = closest(query.o, query.d)
+                surface, dark = bvh.surface(hits), np.zeros(len(query.o), bool)
+                for light, row, (_, occluded) in zip(lights, rows, others, strict=True):
+                    rays = renderer_shadow_rays(Surface._make(a[row] for a in surface), light)
+                    dark[row] = occluded(rays.o, rays.d, 0.0, rays.tmax) | (rays.tmax <= 0)
                 yield Lit(hits.prim_id >= 0, dark)
 
 
-def sent(surface: Surface, light: Reals) -> tuple[Reals, Reals, Reals]:
-    """Origins, directions and ends of the renderer's shadow rays from points to a light."""
+class ShadowSegments(NamedTuple):
+    """Shadow rays; tmin is 0."""
+
+    o: Reals  # (n, 3), world units
+    d: Reals  # (n, 3), world units
+    tmax: Reals  # (n,); 0 or less: the surface faces away
+
+
+def renderer_shadow_rays(surface: Surface, light: Reals) -> ShadowSegments:
+    """Make the renderer's shadow rays from points to a light."""
     n, dtype = len(surface.p), light.dtype
-    rows = -(-n // PACKET) * PACKET  # kernels fill whole registers
+    rows = -(-n // PACKET) * PACKET  # kernels need full packets
 
     def flat(a: Reals) -> Reals:
         return np.resize(a, (rows, 3)).T.ravel()
 
-    with np.errstate(invalid="ignore"):  # of misses
+    with np.errstate(invalid="ignore"):  # from misses
         side = np.where(((light - surface.p) * surface.ng).sum(axis=1) < 0, -1, 1).astype(dtype)
     normal = flat(surface.ng * side[:, None])
     offset = np.resize((np.abs(surface.ng) * surface.p_error).sum(axis=1), rows)
     points = Points(flat(surface.p), normal, normal, offset, np.zeros(rows, np.int32))
     (o, d), (tmax, irradiance) = np.empty((2, 3 * rows), dtype), np.empty((2, rows), dtype)
     shadow_rays(points, light, Shadows(o, d, tmax, irradiance, np.zeros(rows, bool)))
-    return o.reshape(3, rows).T[:n], d.reshape(3, rows).T[:n], tmax[:n]
+    return ShadowSegments(o.reshape(3, rows).T[:n], d.reshape(3, rows).T[:n], tmax[:n])
 
 
 class Baseline(Ours):
-    """The course's own implementation: Moller-Trumbore with |det| < 1e-5, and a constant offset of 1e-4."""
+    """The original course implementation: Moller-Trumbore with |det| < 1e-5, and a constant offset of 1e-4."""
 
     triangle = "moller-trumbore"
 
@@ -206,19 +225,19 @@ class Baseline(Ours):
         super().__init__(precision)
         self.name, self.exact = f"baseline {precision}", False
 
-    def shadows(self, asked: LightQuery) -> Iterator[Lit]:
-        """Shadow rays begin and end that constant from point and light."""
-        for bvh in self._trees(asked):
+    def shadows(self, query: LightQuery) -> Iterator[Lit]:
+        """Shadow rays start and end at the constant offset from point and light."""
+        for bvh in self._trees(query):
             for closest, occluded in paths(bvh):
-                hits = closest(asked.o, asked.d)
+                hits = closest(query.o, query.d)
                 with np.errstate(invalid="ignore"):
-                    p = asked.o + np.where(hits.prim_id >= 0, hits.t, np.nan)[:, None] * asked.d
-                away = asked.light - p
+                    p = query.o + np.where(hits.prim_id >= 0, hits.t, np.nan)[:, None] * query.d
+                away = query.light - p
                 distance = np.sqrt((away**2).sum(axis=1))
                 ends = np.full(len(p), EPSILON, self.dtype), distance - self.dtype.type(EPSILON)
                 yield Lit(hits.prim_id >= 0, occluded(p, away / distance[:, None], *ends))
 
 
-def tracers() -> list[Tracer]:
-    """What comes with this package."""
+def own_tracers() -> list[Tracer]:
+    """Tracers of this package: the renderer's and the baseline, in both precisions."""
     return [make(precision) for make in (Ours, Baseline) for precision in ("float32", "float64")]

@@ -1,1 +1,1 @@
-"""Image files, colour and error measures; knows nothing of rendering."""
+"""Image files, colour conversion and error measures; independent of the renderer."""

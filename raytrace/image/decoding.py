@@ -1,4 +1,4 @@
-"""What the readers of image files share: the bytes of a file, its limits, and the texts that it carries."""
+"""Functions shared by the readers of image files: content, size limits and provenance texts."""
 
 import json
 import os
@@ -12,46 +12,46 @@ from raytrace.image.files import KEY
 from raytrace.limits import MAX_PIXELS
 from raytrace.memory import Allowance
 
-POINTER = b"version https://git-lfs.github.com/spec/"  # what Git keeps in place of a large file
-TRANSPARENT = "has an alpha below 1: put the picture on a background first"
+POINTER = b"version https://git-lfs.github.com/spec/"  # Git LFS stores this text in place of a large file
+TRANSPARENT = "has an alpha below 1: put the image on a background first"
 
 
 class RefusedError(ValueError):
-    """An image that there is no room for, or that is none of those that can be read."""
+    """The image is too large, or of a kind that is not supported."""
 
 
 class NoMemoryError(RefusedError):
-    """A picture that there is not enough memory for."""
+    """There is not enough memory for the image."""
 
 
 def content(path: Path) -> bytes:
-    """Content of an image file, if it is a regular file and not too large."""
+    """Content of an image file; an error if it is not a regular file, or too large."""
     with open_regular(path, "an image") as stream:
         size = os.fstat(stream.fileno()).st_size
-        afford(1, size)
+        check_size(1, size)
         data = stream.read(size)
     if data.startswith(POINTER):
         raise RefusedError("a Git LFS pointer; fetch the file: git lfs pull")
     return data
 
 
-def afford(pixels: int, each: float) -> None:
-    """Refuse an image that is too large, before anything is made of it; each: bytes a pixel."""
+def check_size(pixels: int, bytes_per_pixel: float) -> None:
+    """Raise an error for an image that is too large, before memory is allocated for it."""
     if pixels > MAX_PIXELS:
         raise RefusedError(f"it has {pixels:,} pixels; at most {MAX_PIXELS:,}")
-    if lacks := Allowance().lacks(pixels * each, "scale it down"):
+    if lacks := Allowance().lacks(pixels * bytes_per_pixel, "scale it down"):
         raise NoMemoryError(lacks.partition(", or ")[0])
 
 
 def from_texts(texts: Mapping[Any, Any]) -> dict[str, Any]:
-    """Provenance from the texts of a PNG or EXR."""
+    """Provenance from the texts of a PNG or EXR file."""
     ours = {str(key): text for key, text in texts.items() if isinstance(text, str) and str(key).startswith(KEY)}
     return {key.removeprefix(KEY): from_json(text, key) for key, text in ours.items()}
 
 
 def from_json(text: str, key: str) -> Any:
-    """The value that a text holds."""
+    """Value of a JSON text."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
-        raise RefusedError(f"its text {shortened(printable(key))} is no JSON; remove it") from None
+        raise RefusedError(f"its text {shortened(printable(key))} is not valid JSON; remove it") from None

@@ -1,22 +1,22 @@
-"""Whether the pixels of an EXR file are whole, for the common kind: one image of lines, plain or compressed by zlib.
+"""Check that the pixels of an EXR file are complete: one scanline image, uncompressed or compressed by zlib.
 
-OpenEXR writes its own words about broken pixels to the process's stderr, past Python. A file that is known to be whole
-needs no guard against that.
+OpenEXR writes messages about broken pixels directly to the stderr of the process, not through Python. A file that is
+known to be complete needs no protection against that.
 """
 
 import struct
 import zlib
 
 MAGIC, VERSION, LONG_NAMES = b"v/1\x01", 2, 0x4  # the flag is in the second byte after the magic number
-LINES = {0: 1, 2: 1, 3: 16}  # of a chunk: not compressed, ZIPS, ZIP
+LINES = {0: 1, 2: 1, 3: 16}  # lines per chunk: uncompressed, ZIPS, ZIP
 PLAIN = 0
-SIZES = {0: 4, 1: 2, 2: 4}  # bytes of a number: UINT, HALF, FLOAT
+SIZES = {0: 4, 1: 2, 2: 4}  # bytes per value: UINT, HALF, FLOAT
 
 
-def are_whole(data: bytes) -> bool:
-    """Whether every chunk is where it should be, and holds as much as it should; False where that is not known.
+def pixels_complete(data: bytes) -> bool:
+    """Whether every chunk has the right position and size; False also for files that can't be checked here.
 
-    >>> are_whole(b"hello")
+    >>> pixels_complete(b"hello")
     False
     """
     if data[:4] != MAGIC or data[4:5] != bytes([VERSION]) or any((data[5] & ~LONG_NAMES, *data[6:8])):
@@ -35,7 +35,7 @@ def are_whole(data: bytes) -> bool:
             full = row * min(lines, height - k * lines)
             if y != top + k * lines or not 0 < size <= full or offset + 8 + size > len(data):
                 return False
-            if size < full and (compression == PLAIN or not _unfolds(data[offset + 8 : offset + 8 + size], full)):
+            if size < full and (compression == PLAIN or not _inflates_to(data[offset + 8 : offset + 8 + size], full)):
                 return False
     except (KeyError, IndexError, ValueError, OverflowError, struct.error, zlib.error):
         return False
@@ -43,7 +43,7 @@ def are_whole(data: bytes) -> bool:
 
 
 def _attributes(data: bytes) -> tuple[dict[tuple[str, str], bytes], int]:
-    """Attributes of the header, by name and type, and where it ends."""
+    """Attributes of the header, by name and type, and the offset of its end."""
     found: dict[tuple[str, str], bytes] = {}
     names, at = set[str](), 8
     while data[at]:
@@ -53,7 +53,7 @@ def _attributes(data: bytes) -> tuple[dict[tuple[str, str], bytes], int]:
         start = type_end + 5
         name, kind = data[at:name_end].decode("ascii"), data[name_end + 1 : type_end].decode("ascii")
         if size < 0 or start + size >= len(data) or name in names:
-            raise ValueError("an attribute is cut short, or there twice")
+            raise ValueError("an attribute is truncated or duplicate")
         names.add(name)
         found[name, kind] = data[start : start + size]
         at = start + size
@@ -61,20 +61,20 @@ def _attributes(data: bytes) -> tuple[dict[tuple[str, str], bytes], int]:
 
 
 def _bytes_of(channels: bytes) -> int:
-    """Bytes of a pixel; a ValueError for channels that do not have all pixels."""
+    """Bytes per pixel; a ValueError for subsampled channels."""
     total, at = 0, 0
     while channels[at]:
         end = channels.index(0, at)
-        channels[at:end].decode("ascii")  # else OpenEXR can't name it
+        channels[at:end].decode("ascii")  # OpenEXR can't read other names
         at = end + 1
         kind, _, across, down = struct.unpack_from("<iIii", channels, at)
         if (across, down) != (1, 1):
-            raise ValueError("not all pixels")
+            raise ValueError("a subsampled channel")
         total, at = total + SIZES[kind], at + 16
     return total
 
 
-def _unfolds(packed: bytes, size: int) -> bool:
-    """Whether a chunk is one zlib stream of so many bytes."""
+def _inflates_to(packed: bytes, size: int) -> bool:
+    """Whether a chunk is one zlib stream of this decompressed size."""
     stream = zlib.decompressobj()
     return len(stream.decompress(packed, size + 1)) == size and stream.eof and not stream.unused_data

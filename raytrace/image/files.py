@@ -1,12 +1,12 @@
-"""Pictures: linear radiance to sRGB and back; PNG, EXR and NPZ files that say where they came from.
+"""Image files (PNG, EXR, NPZ) with provenance, and conversion between linear radiance and sRGB.
 
-- ``.png``: 8-bit sRGB, no layers; provenance in text chunks ``raytrace:<key>``.
+- ``.png``: 8-bit sRGB without layers; provenance in text chunks ``raytrace:<key>``.
 - ``.exr``: float32 channels as in `CHANNELS`, ZIP; provenance in attributes ``raytrace:<key>``.
-- ``.npz``: ``rgb`` and each layer an array under its own name; ``provenance`` one JSON text.
+- ``.npz``: arrays ``rgb`` and one for each layer, under its name; ``provenance`` is one JSON text.
 
-A provenance value in a PNG or EXR is JSON, so that text and numbers come back as what they were. The whole numbers
-``prim_id`` and ``samples`` are UINT in an EXR, bit for bit: a miss, -1, is 4294967295 there. The same content always
-gives the same bytes.
+A provenance value in a PNG or EXR is JSON, so texts and numbers keep their types. The integers ``prim_id`` and
+``samples`` are UINT in an EXR, with the same bits: a miss, -1, is 4294967295 there. The same content always gives the
+same bytes.
 """
 
 import io
@@ -26,13 +26,13 @@ from raytrace.image import png
 from raytrace.image.paths import check_path, suffix_of
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # (3,) f8: Y of linear Rec. 709 and sRGB primaries   [ITU-R BT.709-6]
-MAX_STOPS = 100.0  # |exposure|: 2**100 leads from the middle of the float32 range almost to its end; more is a mistake
+MAX_STOPS = 100.0  # limit of |exposure|: 2**100 is almost the largest float32
 MAX_REASON = 300  # characters
-ROWS = 64  # of a picture that are turned into sRGB at a time
-PROVENANCE = "provenance"  # of an NPZ
-KEY = "raytrace:"  # before every provenance key in PNG and EXR files
+ROWS = 64  # rows converted to sRGB at a time
+PROVENANCE = "provenance"  # name of the array in an NPZ
+KEY = "raytrace:"  # prefix of provenance keys in PNG and EXR files
 NOTHING: Mapping[str, Any] = MappingProxyType({})
-CHANNELS: dict[str, tuple[str, ...]] = {  # of an EXR, as <layer>.<channel>
+CHANNELS: dict[str, tuple[str, ...]] = {  # channels of an EXR, as <layer>.<channel>
     "rgb": ("R", "G", "B"),
     "stderr": ("stderr.Y",),
     "depth": ("depth.Z",),
@@ -46,17 +46,17 @@ WHOLE = ("prim_id", "samples")  # int32; the others are float32
 Contents = tuple[dict[str, NDArray[Any]], dict[str, Any]]  # arrays by name, provenance
 
 
-class Picture(NamedTuple):
-    """What a picture file holds."""
+class LoadedImage(NamedTuple):
+    """Content of an image file."""
 
     rgb: NDArray[np.float32]  # (h, w, 3) f4, linear radiance, row 0 at the top
     stderr: NDArray[np.float32] | None  # (h, w) f4, standard error of the pixel's luminance; None: not in the file
     aov: dict[str, NDArray[Any]]  # by name: (h, w) or (h, w, 3), f4 or i4
-    provenance: dict[str, Any]  # where the picture came from: version, seed, spp, ...
+    provenance: dict[str, Any]  # how the image was made: version, seed, spp, ...
 
 
 def srgb_encode(linear: ArrayLike) -> NDArray[np.float64]:
-    """Turn linear light into sRGB code values; 0..1 maps to 0..1, below zero the straight part goes on.
+    """Encode linear light as sRGB codes; 0..1 maps to 0..1, and the linear part extends below 0.
 
     >>> srgb_encode([0.0, 0.5, 1.0]).round(4).tolist()
     [0.0, 0.7354, 1.0]
@@ -67,13 +67,13 @@ def srgb_encode(linear: ArrayLike) -> NDArray[np.float64]:
 
 
 def srgb_decode(code: ArrayLike) -> NDArray[np.float64]:
-    """Turn sRGB code values 0..1 into linear light: the inverse of `srgb_encode`."""
+    """Decode sRGB codes 0..1 to linear light; the inverse of `srgb_encode`."""
     x = np.asarray(code, np.float64)
     return np.where(x <= 0.04045, x / 12.92, ((np.maximum(x, 0.0) + 0.055) / 1.055) ** 2.4)
 
 
 def srgb8(rgb: ArrayLike, exposure: float = 0.0) -> NDArray[np.uint8]:
-    """Turn linear radiance into 8-bit sRGB: ``floor(255 encode(clip(rgb 2**exposure, 0, 1)) + 1/2)``.
+    """Convert linear radiance to 8-bit sRGB: ``floor(255 encode(clip(rgb 2**exposure, 0, 1)) + 1/2)``.
 
     NaN becomes 0, inf 255. `rgb` has any shape; `exposure` is in stops, -100..100, else a ValueError.
 
@@ -88,7 +88,7 @@ def srgb8(rgb: ArrayLike, exposure: float = 0.0) -> NDArray[np.uint8]:
 
 
 def png_bytes(rgb: ArrayLike, provenance: Mapping[str, Any] = NOTHING, exposure: float = 0.0) -> bytes:
-    """Encode (h, w, 3) linear radiance as an 8-bit PNG; `load` undoes the exposure, in stops.
+    """Encode (h, w, 3) linear radiance as an 8-bit PNG; `load` reverts the exposure, in stops.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def png_bytes(rgb: ArrayLike, provenance: Mapping[str, Any] = NOTHING, exposure:
     """
     rows = checked({"rgb": rgb})["rgb"]
     code = np.empty(rows.shape, np.uint8)
-    for top in range(0, len(rows), ROWS):  # float64 of the whole picture would be eight times as large
+    for top in range(0, len(rows), ROWS):  # float64 for the whole image would take eight times the memory
         code[top : top + ROWS] = srgb8(rows[top : top + ROWS], exposure)
     return png.encode(code, _to_texts({**provenance, "exposure": exposure}))
 
@@ -111,7 +111,7 @@ def save(
     provenance: Mapping[str, Any] = NOTHING,
     exposure: float = 0.0,
 ) -> Path:
-    """Write a picture; the extension picks the format. The file appears whole or not at all.
+    """Write an image file, completely or not at all; the extension selects the format.
 
     Parameters
     ----------
@@ -124,14 +124,14 @@ def save(
     aov : mapping of str to array
         ``depth prim_id samples`` (h, w), ``normal albedo position`` (h, w, 3).
     provenance : mapping of str to str, int or float
-        Where the picture comes from.
+        How the image was made.
     exposure : float
-        Stops, for PNG; the others hold the radiance itself.
+        Exposure of a PNG, in stops; the other formats store the radiance itself.
 
     Raises
     ------
     FileError
-        The file can't be written; one line says why.
+        The file can't be written; the message is one line.
     ValueError
         An array of the wrong shape, an unknown AOV, an exposure out of range.
     """
@@ -145,15 +145,15 @@ def save(
     return path
 
 
-def load(path: str | os.PathLike[str]) -> Picture:
-    """Read an image: a PNG of up to 8 bits a channel, an EXR with R, G and B, or an NPZ of ours.
+def load(path: str | os.PathLike[str]) -> LoadedImage:
+    """Read an image: PNG with up to 8 bits per channel, EXR with R, G and B, or NPZ as written by `save`.
 
     Raises
     ------
     FileError
-        The file is missing or broken, or the image is of a kind that would be read as another one: 16 bits a channel,
-        an alpha below 1, colours that are not sRGB's, several images, a data window other than the display window,
-        numbers that do not fit. One line says which.
+        The file is missing or broken, or it has a feature that would be read incorrectly: 16 bits per channel, an alpha
+        below 1, another colour space than sRGB, several images, a data window that is not the display window, or
+        values out of range. The message is one line.
     """
     path = Path(path)
     suffix, name = suffix_of(path), printable(path)
@@ -178,14 +178,14 @@ def load(path: str | os.PathLike[str]) -> Picture:
         raise FileError(f"{name}: {error}") from None
     except MemoryError as error:
         raise FileMemoryError(f"memory: {name}: takes more memory than there is; scale it down") from error
-    except Exception as error:  # libraries raise errors of all kinds for a broken file
+    except Exception as error:  # libraries raise various exceptions for broken files
         reason = shortened(printable(str(error).partition("\n")[0] or type(error).__name__), MAX_REASON)
-        raise FileError(f"{name}: not a whole {suffix[1:].upper()} image: {reason}") from error
-    return Picture(arrays.pop("rgb"), arrays.pop("stderr", None), arrays, provenance)
+        raise FileError(f"{name}: not a valid {suffix[1:].upper()} image: {reason}") from error
+    return LoadedImage(arrays.pop("rgb"), arrays.pop("stderr", None), arrays, provenance)
 
 
 def checked(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
-    """Arrays of a picture in the types that files have; a ValueError where they do not go together."""
+    """Convert the arrays of an image to the types in files; a ValueError if their shapes do not match."""
     if unknown := arrays.keys() - CHANNELS.keys():
         raise ValueError(f"unknown layers {sorted(unknown)}; the known ones are {', '.join(CHANNELS)}")
     if "rgb" not in arrays:
@@ -201,7 +201,7 @@ def checked(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
 
 
 def _converted(name: str, values: ArrayLike) -> NDArray[Any]:
-    """Numbers of a layer in the type that files have; NaN and inf stay."""
+    """Values of a layer in the type of files; NaN and inf are kept."""
     array, target = np.asarray(values), np.dtype(np.int32 if name in WHOLE else np.float32)
     if array.dtype == target:
         return array

@@ -1,4 +1,4 @@
-"""How far a picture is from a reference: numbers in linear light, and one for the eye."""
+"""Compare an image with a reference: error measures in linear light and in sRGB."""
 
 import math
 import os
@@ -12,49 +12,53 @@ from raytrace.image.files import LUMINANCE, load, srgb_encode
 
 RELATIVE_EPS = 0.01  # radiance^2, keeps black pixels finite in relative_mse: the eps of [Gharbi2019], there with a half
 TILE = 8  # pixels: side of a tile of worst_tile
-OUTLIER = 0.05  # a pixel this far off, relative to itself plus the mean, is seen; rounding and late samples aren't
+OUTLIER = (
+    0.05  # smallest difference of an outlier, relative to the pixel plus the mean: visible, and more than rounding
+)
+ROUNDING = 1e-4  # relative to the pixel plus the mean: differences below this come from rounding
+DIFFERENCE_QUANTILE = 0.995  # share of the differing pixels within the colour scale of a difference map
 SSIM_RADIUS = 5  # pixels: the 11 x 11 Gaussian window of [Wang2004], sigma 1.5
 
 
 class Comparison(NamedTuple):
-    """Distance of a picture a from a reference b, both in linear light; n values, L the mean |luminance| of b.
+    """Errors of an image a against a reference b, both in linear light; n values, L the mean |luminance| of b.
 
-    A pixel that isn't finite in a or in b counts in `non_finite` and as equal everywhere else; where no pixel is
-    finite all the others are NaN. A ratio 0 / 0 is 0, and x / 0 is inf.
+    A pixel that is not finite in a or b is counted in `non_finite`, and is equal for all other fields. If no pixel is
+    finite, all other fields are NaN. The ratio 0 / 0 is 0, and x / 0 is inf.
     """
 
     rmse: float  # radiance: sqrt(sum((a - b)^2) / n)
-    rmse_srgb: float  # on a screen: the same of the sRGB codes, 0..1, of a and b clipped to 0..1; see `screen`
+    rmse_srgb: float  # the same for sRGB codes in 0..1, with a and b clipped to 0..1; see `screen`
     relative_mse: float  # sum((a - b)^2 / (b^2 + RELATIVE_EPS)) / n
     bias: tuple[float, float, float]  # radiance, per channel: mean(a) - mean(b)
     relative_bias: tuple[float, float, float]  # per channel: (mean(a) - mean(b)) / mean(b)
-    ssim: float  # structural similarity of the sRGB pictures clipped to 0..1: -1..1, 1 where equal; see `ssim`
-    worst_tile: float  # largest |mean over a tile of (a - b)| of any 8 x 8 tile and channel, / L; see `worst_tile`
+    ssim: float  # structural similarity of the sRGB codes clipped to 0..1: -1..1, 1 if equal; see `ssim`
+    worst_tile: float  # largest |mean of a - b over a tile| of all 8 x 8 tiles and channels, / L; see `worst_tile`
     worst_tile_at: tuple[int, int]  # row and column of the first pixel of that tile
-    outliers: float  # share of pixels with |a - b| > OUTLIER (|b| + L) in some channel
+    outliers: float  # share of pixels with |a - b| > OUTLIER (|b| + L) in any channel
     non_finite: int  # pixels with NaN or inf in a or in b
 
 
 class Limits(NamedTuple):
-    """What a comparison has to keep; None: no limit. Pixels that aren't finite break every set of limits."""
+    """Limits for a comparison; None: no limit. Pixels that are not finite always violate them."""
 
     max_rmse: float | None = None
     min_ssim: float | None = None
-    max_bias: float | None = None  # on |relative_bias| of each channel
+    max_bias: float | None = None  # for |relative_bias| of each channel
     max_worst_tile: float | None = None
     max_outliers: float | None = None
     max_rmse_srgb: float | None = None
     max_relative_mse: float | None = None
 
 
-@np.errstate(over="ignore", invalid="ignore")  # squares of numbers that are too large are inf
+@np.errstate(over="ignore", invalid="ignore")  # squares of large numbers become inf
 def compare(image: Any, reference: Any) -> Comparison:
-    """Compare a picture with a reference.
+    """Compare an image with a reference.
 
     Parameters
     ----------
-    image, reference : (h, w, 3) array of float, object with ``.rgb``, or path of a picture
-        Linear radiance, the same size.
+    image, reference : (h, w, 3) array of float, object with ``.rgb``, or path of an image
+        Linear radiance, equal size.
 
     Returns
     -------
@@ -64,7 +68,7 @@ def compare(image: Any, reference: Any) -> Comparison:
     Raises
     ------
     ValueError
-        The sizes differ, or something isn't a picture.
+        The sizes differ, or an argument is not an image.
     FileError
         A file can't be read.
     RaytraceError
@@ -80,7 +84,7 @@ def compare(image: Any, reference: Any) -> Comparison:
     a, b = light_of(image, "image"), light_of(reference, "reference")
     if a.shape != b.shape:
         raise ValueError(
-            f"pictures of different size: {a.shape[1]}x{a.shape[0]} against a reference of {b.shape[1]}x{b.shape[0]}"
+            f"images of different size: {a.shape[1]}x{a.shape[0]} against a reference of {b.shape[1]}x{b.shape[0]}"
         )
     finite: NDArray[np.bool_] = np.all(np.isfinite(a) & np.isfinite(b), axis=2)
     count = int(finite.sum())
@@ -109,7 +113,7 @@ def compare(image: Any, reference: Any) -> Comparison:
 
 
 def violations(comparison: Comparison, limits: Limits) -> list[str]:
-    """Tell which limits a comparison breaks, a line each; an empty list is a pass.
+    """List the limits that a comparison violates, one line each; empty: all are met.
 
     >>> black, white = np.zeros((4, 4, 3)), np.ones((4, 4, 3))
     >>> violations(compare(white, black), Limits(max_rmse=0.5))
@@ -126,8 +130,8 @@ def violations(comparison: Comparison, limits: Limits) -> list[str]:
         (f"worst tile, at row {c.worst_tile_at[0]}, column {c.worst_tile_at[1]},", c.worst_tile, limits.max_worst_tile),
         ("share of outliers", c.outliers, limits.max_outliers),
     )
-    lines = [f"{c.non_finite} pixels aren't finite"] if c.non_finite else []
-    # `not <=`: NaN breaks a limit
+    lines = [f"pixels that are not finite: {c.non_finite}"] if c.non_finite else []
+    # `not <=`: NaN violates a limit
     lines += [f"{name} {v:.6g} is above {top:g}" for name, v, top in ceilings if top is not None and not v <= top]
     if limits.min_ssim is not None and not c.ssim >= limits.min_ssim:
         lines.append(f"ssim {c.ssim:.6g} is below {limits.min_ssim:g}")
@@ -135,7 +139,7 @@ def violations(comparison: Comparison, limits: Limits) -> list[str]:
 
 
 def screen(light: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Give the sRGB codes that a screen shows of linear light: encoded, and clipped to 0..1.
+    """Clip linear light to 0..1 and encode it as sRGB codes, as a screen shows it.
 
     >>> screen(np.array([-1.0, 0.5, 7.0])).round(4).tolist()
     [0.0, 0.7354, 1.0]
@@ -144,13 +148,14 @@ def screen(light: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def ssim(a: NDArray[np.floating], b: NDArray[np.floating]) -> float:
-    """Mean structural similarity of two (h, w, 3) pictures in linear light, for a screen: sRGB clipped to 0..1.
+    """Mean structural similarity of two (h, w, 3) images in linear light, of their sRGB codes clipped to 0..1.
 
     Notes
     -----
     Per channel, with Gaussian weighted moments of an 11 x 11 window, sigma 1.5, c1 = 0.01^2, c2 = 0.03^2:
-    ``(2 ma mb + c1) (2 cov + c2) / ((ma^2 + mb^2 + c1) (va + vb + c2))``, meant over channels and over the pixels whose
-    window lies in the picture. A picture smaller than the window is mirrored outwards, and all its pixels count.
+    ``(2 ma mb + c1) (2 cov + c2) / ((ma^2 + mb^2 + c1) (va + vb + c2))``, averaged over channels and over the pixels
+    whose window lies inside the image. An image smaller than the window is padded by reflection, and all its pixels
+    are averaged.
 
     References
     ----------
@@ -160,15 +165,15 @@ def ssim(a: NDArray[np.floating], b: NDArray[np.floating]) -> float:
 
 
 def ssim_map(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Structural similarity around each pixel, as ``ssim`` means it: (h, w), the mean of the channels."""
+    """Structural similarity around each pixel, (h, w), as in ``ssim``, averaged over channels."""
     return _similarity(a, b)[1]
 
 
 def _similarity(a: NDArray[np.floating], b: NDArray[np.floating]) -> tuple[float, NDArray[np.float64]]:
     try:
-        from skimage.metrics import structural_similarity  # 0.2 s: only where pictures are compared
+        from skimage.metrics import structural_similarity  # 0.2 s: imported only where it is used
     except ImportError:
-        raise RaytraceError("comparing pictures needs scikit-image: pip install scikit-image") from None
+        raise RaytraceError("comparing images needs scikit-image: pip install scikit-image") from None
     codes = [screen(a), screen(b)]
     margin = SSIM_RADIUS if min(a.shape[:2]) <= 2 * SSIM_RADIUS else 0
     if margin:
@@ -180,7 +185,7 @@ def _similarity(a: NDArray[np.floating], b: NDArray[np.floating]) -> tuple[float
 
 
 def worst_tile(difference: NDArray[np.floating]) -> tuple[float, tuple[int, int]]:
-    """Find the 8 x 8 tile whose mean differs most from zero.
+    """Largest mean of a difference over the 8 x 8 tiles of an image, and the tile's position.
 
     Parameters
     ----------
@@ -190,47 +195,55 @@ def worst_tile(difference: NDArray[np.floating]) -> tuple[float, tuple[int, int]
     Returns
     -------
     value : float
-        Radiance: the largest |mean over the tile| of any tile and channel.
+        Radiance: the largest |mean over the tile| of all tiles and channels.
     at : (int, int)
         Row and column of the tile's first pixel.
 
     Notes
     -----
-    Tiles start at multiples of 8; a last one that would hang over the edge is moved inwards, so that all tiles are
-    whole and one pixel at the edge weighs no more than elsewhere. A picture narrower than 8 has one tile, as narrow.
+    Tiles start at multiples of 8. A last tile that would cross the border is moved inwards: all tiles are complete, and
+    a pixel at the border has no larger weight. In an image narrower than 8 pixels, tiles are as narrow as the image.
     """
-    means, rows, columns = tile_means(difference)
-    size = np.abs(means).max(axis=2)
+    tiles = tile_means(difference)
+    size = np.abs(tiles.means).max(axis=2)
     row, column = np.unravel_index(np.argmax(size), size.shape)
-    return float(size[row, column]), (int(rows[row]), int(columns[column]))
+    return float(size[row, column]), (int(tiles.rows[row]), int(tiles.columns[column]))
 
 
-def tile_means(field: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDArray[np.int64], NDArray[np.int64]]:
-    """Means of an (h, w, c) field over the tiles of ``worst_tile``, (r, k, c); their first rows (r,), columns (k,)."""
+class TileMeans(NamedTuple):
+    """Means over the tiles of an image."""
+
+    means: NDArray[np.floating]  # (r, k, c)
+    rows: NDArray[np.int64]  # (r,): first row of each tile
+    columns: NDArray[np.int64]  # (k,): first column of each tile
+
+
+def tile_means(field: NDArray[np.floating]) -> TileMeans:
+    """Means of an (h, w, c) array over the tiles of ``worst_tile``."""
     side = [min(TILE, extent) for extent in field.shape[:2]]
     rows, columns = (
         np.unique(np.append(np.arange(0, extent - size + 1, size), extent - size))
         for extent, size in zip(field.shape[:2], side, strict=True)
     )
     windows = np.lib.stride_tricks.sliding_window_view(field, side, axis=(0, 1))
-    return windows[np.ix_(rows, columns)].mean(axis=(3, 4)), rows, columns
+    return TileMeans(windows[np.ix_(rows, columns)].mean(axis=(3, 4)), rows, columns)
 
 
-def light_of(picture: Any, name: str) -> NDArray[np.float64]:
-    """Linear radiance of what ``compare`` takes: (h, w, 3)."""
-    if isinstance(picture, str | os.PathLike):
-        picture = load(picture)
-    values: ArrayLike = getattr(picture, "rgb", picture)
+def light_of(image: Any, name: str) -> NDArray[np.float64]:
+    """Linear radiance (h, w, 3) of an argument of ``compare``."""
+    if isinstance(image, str | os.PathLike):
+        image = load(image)
+    values: ArrayLike = getattr(image, "rgb", image)
     array = np.asarray(values)
     if array.ndim != 3 or array.shape[2] != 3 or array.size == 0 or array.dtype.kind != "f":
         raise ValueError(
             f"{name}: expected linear radiance, (height, width, 3) float, got {array.shape} {array.dtype.name}"
         )
-    return array.astype(np.float64, order="C")  # sums are added in the same order wherever a picture comes from
+    return array.astype(np.float64, order="C")  # C order: sums have the same order for every source
 
 
 def level_of(light: NDArray[np.floating], count: int) -> float:
-    """Mean |luminance| of (h, w, 3) light over ``count`` pixels, the others 0: what differences are relative to.
+    """Mean |luminance| of (h, w, 3) light over ``count`` pixels (the others must be 0), for relative differences.
 
     >>> round(level_of(np.full((2, 2, 3), -0.5), 4), 12)
     0.5
@@ -241,8 +254,19 @@ def level_of(light: NDArray[np.floating], count: int) -> float:
     return float(np.abs(luminance).sum() / count)
 
 
+def difference_scale(difference: NDArray[np.floating], reference: NDArray[np.floating]) -> float:
+    """Largest value of the colour scale for a difference map (h, w) from a reference (h, w, 3); 0: no difference.
+
+    It is a quantile of the pixels that differ by more than rounding. So a defect of a few pixels is visible, and a
+    single pixel with a large error does not hide the others.
+    """
+    light, size = np.abs(reference @ LUMINANCE), np.abs(difference)
+    visible = size[size > ROUNDING * (light + light.mean())]
+    return float(np.quantile(visible, DIFFERENCE_QUANTILE) if visible.size else size.max())
+
+
 def ratio(x: float, y: float) -> float:
-    """Divide; 0 / 0 is 0, and x / 0 inf.
+    """X / y, where 0 / 0 is 0 and x / 0 is inf.
 
     >>> ratio(0.0, 0.0), ratio(2.0, 0.0), ratio(1.0, 2.0)
     (0.0, inf, 0.5)

@@ -1,4 +1,4 @@
-"""Where pictures may be written, and in which format: known before NumPy is imported."""
+"""Check paths and formats of image files; imports no NumPy."""
 
 import os
 from importlib.util import find_spec
@@ -8,12 +8,12 @@ from raytrace.errors import FileError, printable
 
 
 def check_path(path: str | os.PathLike[str]) -> Path:
-    """Check that a picture can be written to `path`, before a render is lost; nothing is created.
+    """Check that an image can be written to `path`, before rendering; nothing is created.
 
     Raises
     ------
     FileError
-        An unknown extension, a missing or read-only folder, a folder at `path`, EXR without the OpenEXR package.
+        An unknown extension; a missing or read-only folder; `path` is a folder; EXR without the package OpenEXR.
     """
     path = Path(path)
     name, folder = printable(path), printable(path.parent)
@@ -28,10 +28,10 @@ def check_path(path: str | os.PathLike[str]) -> Path:
 
 
 def suffix_of(path: Path) -> str:
-    """The ending of a picture's name, small; a FileError for one that can't be written here."""
+    """Extension of an image file in lower case; a FileError for a format that is not supported here."""
     suffix = path.suffix.lower()
     if suffix not in (".png", ".exr", ".npz"):
-        raise FileError(f"{printable(path)}: unknown kind of picture {suffix!r}; use .png, .exr or .npz")
+        raise FileError(f"{printable(path)}: unknown image format {suffix!r}; use .png, .exr or .npz")
     if suffix == ".exr" and find_spec("OpenEXR") is None:
         raise FileError(f"{printable(path)}: EXR needs OpenEXR: pip install OpenEXR; or use .npz")
     return suffix

@@ -1,4 +1,4 @@
-"""PNG files, written with zlib alone: importing a library for it takes longer than a small picture   [PNG]."""
+"""Write PNG files with zlib only: to import a library takes longer than to encode a small image   [PNG]."""
 
 import struct
 import zlib
@@ -9,20 +9,23 @@ from numpy.typing import NDArray
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 RGB, SUB = 2, 1  # colour type; filter: differences from the pixel to the left
-PERCEPTUAL, GAMMA = 0, 45455  # rendering intent of sRGB; for readers without it 1 / 2.2, in units of 1e-5   [11.3.2]
+PERCEPTUAL, GAMMA = (
+    0,
+    45455,
+)  # rendering intent of sRGB; gamma 1 / 2.2 in units of 1e-5, for readers without sRGB   [11.3.2]
 
 
 def encode(pixels: NDArray[np.uint8], texts: Mapping[str, str], level: int = -1) -> bytes:
-    r"""Encode a picture, without loss.
+    r"""Encode an image as PNG, without loss.
 
     Parameters
     ----------
     pixels : (h, w, 3) uint8 array
         sRGB.
     texts : mapping of str to str
-        Goes with it; Latin-1, keys of at most 79 letters.
+        Text chunks; Latin-1, keys of at most 79 characters.
     level : int
-        Of compression, from 1, quick, to 9; -1: as zlib likes it.
+        Compression level from 1 (fast) to 9; -1: zlib's default.
 
     Examples
     --------

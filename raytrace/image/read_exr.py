@@ -1,4 +1,4 @@
-"""EXR files to linear light: one flat, opaque RGB image that fills its window; all else is refused by name."""
+"""Read EXR files as linear light: one flat, opaque RGB image that fills its window; other files are errors."""
 
 import contextlib
 import io
@@ -10,41 +10,41 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.image.decoding import TRANSPARENT, RefusedError, afford, from_texts
-from raytrace.image.exr_chunks import are_whole
+from raytrace.image.decoding import TRANSPARENT, RefusedError, check_size, from_texts
+from raytrace.image.exr_chunks import pixels_complete
 from raytrace.image.files import CHANNELS, WHOLE, Contents, checked
 
-NUMBER = 40  # bytes that are taken for a number while it is read
+VALUE_BYTES = 40  # peak memory per value while reading
 ALPHAS = {"A", "AR", "AG", "AB"}
 PRIMARIES = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)  # red, green, blue, white   [ITU-R BT.709-6]
-NEAR = 0.01  # primaries as near are the same
-_mute = threading.Lock()  # held while stderr leads nowhere
-if hasattr(os, "register_at_fork"):  # no child may begin in the midst of that
+TOLERANCE = 0.01  # primaries within this distance count as equal
+_mute = threading.Lock()  # held while stderr is redirected
+if hasattr(os, "register_at_fork"):  # no fork during the redirection
     os.register_at_fork(before=_mute.acquire, after_in_parent=_mute.release, after_in_child=_mute.release)
 
 
 def read_exr(data: bytes) -> Contents:
-    """Read an EXR."""
+    """Arrays and provenance of an EXR file."""
     import OpenEXR
 
     headers = [part.header for part in OpenEXR.File(io.BytesIO(data), header_only=True).parts]
     for header in headers:
         low, high = _corners(header["dataWindow"])
-        afford(int(np.prod(np.maximum(high - low + 1, 0))), NUMBER * len(header["channels"]))
-    part = _coloured(headers)
+        check_size(int(np.prod(np.maximum(high - low + 1, 0))), VALUE_BYTES * len(header["channels"]))
+    part = _colour_part(headers)
     _check_header(headers[part])
-    with contextlib.nullcontext() if are_whole(data) else _muted():
+    with contextlib.nullcontext() if pixels_complete(data) else _muted():
         file = OpenEXR.File(io.BytesIO(data), separate_channels=True)
     if len(file.parts) != len(headers):
-        raise ValueError("broken, or cut short")
+        raise ValueError("broken or truncated")
     planes = {name: channel.pixels for name, channel in file.channels(part).items()}
     if any((planes[name] != 1).any() for name in ALPHAS & planes.keys()):
         raise RefusedError(TRANSPARENT)
     return checked(_layers(planes)), from_texts(file.header(part))
 
 
-def _coloured(headers: list[dict[str, Any]]) -> int:
-    """Which part has the colour."""
+def _colour_part(headers: list[dict[str, Any]]) -> int:
+    """Index of the part with channels R, G and B."""
     names = [{channel.name for channel in header["channels"]} for header in headers]
     found = [k for k, known in enumerate(names) if known >= set(CHANNELS["rgb"])]
     if not found:
@@ -55,19 +55,19 @@ def _coloured(headers: list[dict[str, Any]]) -> int:
 
 
 def _check_header(header: Mapping[str, Any]) -> None:
-    """Refuse what would be read as another image."""
+    """Raise an error for features that would be read incorrectly."""
     import OpenEXR
 
     if header.get("type") not in (None, OpenEXR.scanlineimage, OpenEXR.tiledimage):
         raise RefusedError("deep pixels; flatten it")
     if any((channel.xSampling, channel.ySampling) != (1, 1) for channel in header["channels"]):
-        raise RefusedError("channels of fewer pixels than the others; save them all at full size")
+        raise RefusedError("subsampled channels; save all channels at full size")
     (low, high), (left, right) = _corners(header["dataWindow"]), _corners(header["displayWindow"])
     if (low != left).any() or (high != right).any():
         data, display = (f"({a[0]}, {a[1]})-({b[0]}, {b[1]})" for a, b in ((low, high), (left, right)))
         raise RefusedError(f"its data window {data} is not its display window {display}; crop or pad it to that")
     primaries = header.get("chromaticities")
-    if primaries is not None and not np.allclose(np.ravel(primaries), PRIMARIES, rtol=0, atol=NEAR):
+    if primaries is not None and not np.allclose(np.ravel(primaries), PRIMARIES, rtol=0, atol=TOLERANCE):
         raise RefusedError("its primaries are not those of sRGB (chromaticities); convert it to linear sRGB")
 
 
@@ -92,9 +92,9 @@ def _layers(planes: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 
 @contextlib.contextmanager
 def _muted() -> Iterator[None]:
-    """Keep what OpenEXR says of a broken file off the terminal: it writes past Python's streams.
+    """Suppress messages of OpenEXR about broken files: it does not write through Python's streams.
 
-    The whole process is silent for that time. So this is only for files that are not known to be whole.
+    This silences the whole process, so it is only used for files that are not known to be complete.
     """
     with _mute, contextlib.redirect_stdout(None):
         stderr, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)

@@ -19,6 +19,12 @@ def make_view(camera: Camera, size: tuple[int, int], dtype: np.dtype) -> View:
     return View(*(np.asarray(vector, dtype) for vector in vectors))
 
 
+def pinhole_directions(view: View, x: NDArray[np.floating], y: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Unit directions (n, 3) of rays through points (x, y) of the film, in pixels, in the precision of the view."""
+    d = view.forward + (x - view.centre[0])[:, None] * view.right + (y - view.centre[1])[:, None] * view.down
+    return (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(view.forward.dtype)
+
+
 def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
     """Unit vector; the largest component is first brought to 1/2 .. 1, exactly, so that no square overflows."""
     scaled = np.ldexp(vector, -np.frexp(np.abs(vector).max())[1])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from raytrace.accel.bvh import BVH
 from raytrace.image import files
 from raytrace.limits import LAYERS
-from raytrace.passes.camera import make_view
+from raytrace.passes.camera import make_view, pinhole_directions
 from raytrace.records import Hits, Scene, Window
 
 if TYPE_CHECKING:
@@ -168,9 +168,7 @@ def trace_layers(scene: Scene, bvh: BVH, size: tuple[int, int], window: Window) 
     parts = []
     for top in range(window.y, window.y + window.height, ROWS):
         y, x = np.mgrid[top : min(top + ROWS, window.y + window.height), window.x : window.x + window.width] + 0.5
-        x, y = x.reshape(-1, 1) - view.centre[0], y.reshape(-1, 1) - view.centre[1]
-        d = view.forward + x * view.right + y * view.down
-        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        d = pinhole_directions(view, x.ravel(), y.ravel())
         parts.append(_layers_of(scene, bvh, bvh.closest_hit(scene.camera.position, d)))
     layers = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     return {name: layer.reshape(window.height, window.width, *layer.shape[1:]) for name, layer in layers.items()}

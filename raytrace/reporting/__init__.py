@@ -1,1 +1,1 @@
-"""How good and how fast a picture is: error against a reference, and reports."""
+"""Reports on one scene: render time against error, for several configurations."""

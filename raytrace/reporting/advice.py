@@ -1,4 +1,4 @@
-"""Sentences about what to use on a scene, computed from what was measured."""
+"""Recommendations for a scene, computed from the measurements of a report."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,25 +8,25 @@ import numpy as np
 from raytrace.limits import MAX_SPP
 from raytrace.reporting.analysis import Order, curves_of, needed
 from raytrace.reporting.configurations import Configuration
-from raytrace.reporting.measure import Point
+from raytrace.reporting.measurements import Point
 
 NEGLIGIBLE = 1 / 3  # an error this much smaller than another adds 5 % to it: sqrt(1 + 1/9) = 1.05
-WORSE = 1.05  # times the error of the usual way: said aloud from here on
-WIDE = 0.5  # of a confidence interval of an order: wider ones are written out
-NICE = 1, 2, 5  # errors that advice is given for, times powers of ten
+WORSE = 1.05  # ratio of errors from which the larger error is mentioned
+WIDE = 0.5  # width of a confidence interval of an order from which the interval is printed
+NICE = 1, 2, 5  # advice is given for these errors times powers of ten
 Curves = Mapping[Configuration, Sequence[Point]]
 
 
-def advice(points: Sequence[Point], orders: Sequence[Order], gaps: Mapping[int, float]) -> list[str]:
-    """Say what to use; the first sentence is the answer for an error in the middle of what was measured.
+def recommendations(points: Sequence[Point], orders: Sequence[Order], gaps: Mapping[int, float]) -> list[str]:
+    """Recommend settings; the first sentence is for an error in the middle of the measured range.
 
     Parameters
     ----------
     points : sequence of Point
-        The first one's precision is what the scene is drawn in by default.
+        The precision of the first one is the default precision of the scene.
     orders : sequence of Order
     gaps : mapping of int to float
-        Samples per pixel to the RMSE on a screen between both precisions.
+        RMSE (sRGB) between the two precisions, by samples per pixel.
 
     Returns
     -------
@@ -43,7 +43,7 @@ def advice(points: Sequence[Point], orders: Sequence[Order], gaps: Mapping[int, 
 
 
 def nice_errors(points: Sequence[Point]) -> list[float]:
-    """Round numbers within the errors of the points: the large, the middle and the small one."""
+    """Round numbers within the range of measured errors: a large, a middle and a small one."""
     errors = [point.rmse_srgb for point in points if point.rmse_srgb > 0.0]
     if not errors:
         return []
@@ -54,21 +54,27 @@ def nice_errors(points: Sequence[Point]) -> list[float]:
 
 
 def _best(curves: Curves, error: float) -> str:
-    """Name the quickest way that a user can choose; in the default precision, where that gets there."""
-    found = {way: need for way, curve in curves.items() if way.usual and (need := needed(curve, error))}
+    """Name the fastest selectable configuration for an error; in the default precision if that reaches the error."""
+    found = {
+        configuration: need
+        for configuration, curve in curves.items()
+        if configuration.selectable and (need := needed(curve, error))
+    }
     default = next(iter(curves)).precision
-    found = {way: need for way, need in found.items() if way.precision == default} or found
+    found = {
+        configuration: need for configuration, need in found.items() if configuration.precision == default
+    } or found
     if not found:
         return ""
-    way = min(found, key=lambda way: found[way][1])
-    spp, seconds = found[way]
-    sampler = f"{way.sampler}, adaptive" if way.adaptive else way.sampler
-    used = f"{math.ceil(spp - 1e-9)} spp, {way.precision}"  # 64.0000000001 is 64
+    configuration = min(found, key=lambda configuration: found[configuration][1])
+    spp, seconds = found[configuration]
+    sampler = f"{configuration.sampler}, adaptive" if configuration.adaptive else configuration.sampler
+    used = f"{math.ceil(spp - 1e-9)} spp, {configuration.precision}"  # 64.0000000001 is 64
     return f"For RMSE {error:g} on this scene: {sampler}, {used}, {seconds:{'.2f' if seconds >= 0.1 else '.2g'}} s"
 
 
 def _ratio(one: Sequence[Point], other: Sequence[Point]) -> float | None:
-    """Median of time / time of the other, over all rounds of the steps that both have."""
+    """Median ratio of the times of two curves, over all repetitions of the steps that both have."""
     known = {point.step: point.times for point in other}
     ratios = [a / b for p in one if p.step in known for a, b in zip(p.times, known[p.step], strict=False)]
     return float(np.median(ratios)) if ratios else None
@@ -80,22 +86,22 @@ def _precisions(curves: Curves, orders: Sequence[Order], gaps: Mapping[int, floa
     if ratio is None:
         return ""
     cost = f"float64 costs {ratio:.2g}x"
-    fits = {fit.way: fit for fit in orders}
+    fits = {fit.configuration: fit for fit in orders}
     fit = fits.get(Configuration("sobol", "float64")) or fits.get(Configuration("sobol", "float32"))
     if not gaps or not fit:
         return cost
-    limit = useless_below(fit, float(np.median(list(gaps.values()))))  # one ray that just misses moves one of them
+    limit = useless_below(fit, float(np.median(list(gaps.values()))))  # not the mean: one ray can change one gap
     if limit > MAX_SPP:
         return f"{cost} and gains nothing"
     if limit < 1:
-        return f"{cost} and is needed: float32 is off by more than the noise"
+        return f"{cost} and is needed: the error of float32 is larger than the noise"
     return f"{cost} and gains nothing below {two_digits(limit)} spp"
 
 
 def useless_below(fit: Order, gap: float) -> float:
-    """Samples per pixel up to which a difference of precisions is lost in the error of sampling.
+    """Samples per pixel up to which the difference of the precisions is negligible against the sampling error.
 
-    The difference is the median over all numbers of samples; it is assumed not to shrink with more of them.
+    The difference is the median over all numbers of samples. It is assumed not to shrink with more samples.
     """
     if fit.order >= 0 or gap == 0:
         return math.inf
@@ -103,7 +109,7 @@ def useless_below(fit: Order, gap: float) -> float:
 
 
 def two_digits(number: float) -> str:
-    """Write a large number with two digits that count.
+    """Format a large number with two significant digits.
 
     >>> two_digits(4123.0), two_digits(37.4)
     ('4,100', '37')
@@ -112,13 +118,13 @@ def two_digits(number: float) -> str:
 
 
 def _samplers(orders: Sequence[Order]) -> list[str]:
-    default = [fit for fit in orders if fit.way.precision == orders[0].way.precision]
-    texts = [f"{fit.way.sampler} as spp^{fit.order:.2f}{_uncertainty(fit)}" for fit in default]
+    default = [fit for fit in orders if fit.configuration.precision == orders[0].configuration.precision]
+    texts = [f"{fit.configuration.sampler} as spp^{fit.order:.2f}{_uncertainty(fit)}" for fit in default]
     return [f"The error shrinks: {', '.join(texts)}"] if texts else []
 
 
 def _uncertainty(fit: Order) -> str:
-    """The interval of an order, where it is too wide to leave out."""
+    """The confidence interval of an order, if it is wide."""
     if fit.high - fit.low <= WIDE:
         return ""
     return f" (95 % interval {fit.low:.2f} to {fit.high:.2f}, from {fit.points} points)"
@@ -127,12 +133,12 @@ def _uncertainty(fit: Order) -> str:
 def _costs(curves: Curves) -> list[str]:
     names = {"median": "a median split", "none": "no tree"}
     texts = []
-    for way, curve in curves.items():
-        usual = curves.get(way._replace(triangle="watertight", tree="sah"))
-        if way.usual or not usual or (ratio := _ratio(curve, usual)) is None:
+    for configuration, curve in curves.items():
+        default = curves.get(configuration._replace(triangle="watertight", tree="sah"))
+        if configuration.selectable or not default or (ratio := _ratio(curve, default)) is None:
             continue
-        known = {point.step: point.rmse_srgb for point in usual}
+        known = {point.step: point.rmse_srgb for point in default}
         worse = max((p.rmse_srgb / known[p.step] for p in curve if known.get(p.step)), default=1.0)
-        what = names.get(way.tree, way.triangle)
-        texts.append(f"{what} costs {ratio:.2g}x" + (f" and errs {worse:.2g}x as much" if worse > WORSE else ""))
-    return [f"Beside the usual way, {', '.join(texts)}"] if texts else []
+        what = names.get(configuration.tree, configuration.triangle)
+        texts.append(f"{what} costs {ratio:.2g}x" + (f" and has {worse:.2g}x the error" if worse > WORSE else ""))
+    return [f"Compared with the default, {', '.join(texts)}"] if texts else []

@@ -1,4 +1,4 @@
-"""What the points of a sweep say: orders of convergence, the Pareto front, and what an error costs."""
+"""Analysis of the measured points: orders of convergence, the Pareto front, and the cost of an error."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -8,16 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.reporting.configurations import Configuration
-from raytrace.reporting.measure import Point
+from raytrace.reporting.measurements import Point
 
 CONFIDENCE = 0.95  # of intervals
-TIE = 0.01  # relative difference of errors that means nothing
+TIE = 0.01  # relative difference below which errors count as equal
 
 
 class Order(NamedTuple):
-    """Error ~ spp^order, fitted to a way's points."""
+    """Error ~ spp^order, fitted to the points of a configuration."""
 
-    way: Configuration
+    configuration: Configuration
     order: float
     low: float  # of the confidence interval; NaN with two points
     high: float
@@ -25,12 +25,12 @@ class Order(NamedTuple):
     points: int
 
 
-def fit_order(way: Configuration, spp: Sequence[float], error: Sequence[float]) -> Order:
+def fit_order(configuration: Configuration, spp: Sequence[float], error: Sequence[float]) -> Order:
     """Fit a straight line to log error against log spp, by least squares.
 
     Parameters
     ----------
-    way : Way
+    configuration : Configuration
     spp, error : sequence of float
         Positive; at least two different numbers of samples.
 
@@ -55,33 +55,33 @@ def fit_order(way: Configuration, spp: Sequence[float], error: Sequence[float]) 
 
         rest = y - start - slope * x
         half = float(stdtrit(len(x) - 2, (1 + CONFIDENCE) / 2) * math.sqrt(rest @ rest / (len(x) - 2) / (dx @ dx)))
-    return Order(way, slope, slope - half, slope + half, math.exp(start), len(x))
+    return Order(configuration, slope, slope - half, slope + half, math.exp(start), len(x))
 
 
 def curves_of(points: Iterable[Point]) -> dict[Configuration, list[Point]]:
-    """Points of each way, from cheap to dear."""
+    """Points of each configuration, sorted by increasing cost."""
     curves: dict[Configuration, list[Point]] = {}
     for point in points:
-        curves.setdefault(point.way, []).append(point)
+        curves.setdefault(point.configuration, []).append(point)
     return curves
 
 
 def orders_of(points: Iterable[Point]) -> list[Order]:
-    """Orders of convergence on a screen, of the usual ways with three points or more; adaptive sampling has none."""
+    """Orders of convergence (sRGB) of selectable configurations with three or more points, without adaptive ones."""
     orders = []
-    for way, curve in curves_of(points).items():
-        if not way.usual or way.adaptive:  # the samples, and so the order, are those of the usual way
+    for configuration, curve in curves_of(points).items():
+        if not configuration.selectable or configuration.adaptive:  # others have the same samples, so the same order
             continue
         good = [point for point in curve if point.rmse_srgb > 0.0]
         if len({point.spp for point in good}) > 2:
-            orders.append(fit_order(way, [p.spp for p in good], [p.rmse_srgb for p in good]))
+            orders.append(fit_order(configuration, [p.spp for p in good], [p.rmse_srgb for p in good]))
     return orders
 
 
 def pareto(points: Sequence[Point]) -> list[bool]:
-    """Tell for each point whether no other is quicker and as accurate, or as quick and more accurate.
+    """Whether each point is on the Pareto front: no other is faster and as accurate, or as fast and more accurate.
 
-    Errors within `TIE` of each other are equal: the same samples through another tree differ in their last bits.
+    Errors within `TIE` of each other count as equal: the same samples in another tree may differ in the last bits.
     """
 
     def beats(q: Point, p: Point) -> bool:
@@ -93,9 +93,10 @@ def pareto(points: Sequence[Point]) -> list[bool]:
 
 
 def needed(curve: Sequence[Point], error: float) -> tuple[float, float] | None:
-    """Samples per pixel and seconds that a way needs for an error: of a point, or between two points.
+    """Samples per pixel and seconds that a configuration needs to reach an error, at a point or between two points.
 
-    The quickest of all; between points, both axes are logarithmic. None where the way never gets there.
+    The fastest possibility is returned. Between points, the interpolation is logarithmic in both axes. None: the
+    configuration does not reach the error.
     """
     measured = [(point.spp, point.seconds) for point in curve if point.rmse_srgb <= error]
     between = None if curve[0].rmse_srgb <= error else _between(curve, error)
@@ -103,7 +104,7 @@ def needed(curve: Sequence[Point], error: float) -> tuple[float, float] | None:
 
 
 def _between(curve: Sequence[Point], error: float) -> tuple[float, float] | None:
-    """Samples per pixel and seconds where a curve first goes below an error."""
+    """Samples per pixel and seconds where a curve first falls below an error."""
     for p, q in pairwise(curve):
         if q.rmse_srgb <= error < p.rmse_srgb:
             if q.rmse_srgb == 0.0:

@@ -1,4 +1,4 @@
-"""The ways of drawing a scene that the report on speed and error compares."""
+"""The configurations of the renderer that a report compares."""
 
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -17,30 +17,30 @@ from raytrace.scene.plan import make_plan
 
 SAMPLERS = "sobol", "stratified", "independent"
 SPP = tuple(1 << k for k in range(9))  # 1 .. 256 samples per pixel
-FEW_SPP = 4, 16, 64  # of the ways that differ in speed alone, or are wrong at any number
-TARGETS = 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001  # errors that adaptive sampling is asked for
-ADAPTIVE_CAP = 4096  # most samples per pixel that it may take
-FEW_TRIANGLES = 4096  # up to so many are tested without a tree as well
-FAR = 1e3  # boxes of a tree that tells nothing: so many times the largest coordinate
+FEW_SPP = 4, 16, 64  # of configurations that differ only in speed, or are wrong at any number of samples
+TARGETS = 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001  # target errors of adaptive sampling
+ADAPTIVE_CAP = 4096  # limit of its samples per pixel
+FEW_TRIANGLES = 4096  # scenes up to this size are also rendered without a tree
+FAR = 1e3  # "no tree": size of all boxes, relative to the largest coordinate
 
 
 class Configuration(NamedTuple):
-    """One way of drawing, at any number of samples."""
+    """Settings of a render, except the number of samples."""
 
     sampler: str  # "sobol", "stratified" or "independent"
     precision: str  # "float32" or "float64"
     triangle: str = "watertight"  # or "moller-trumbore"
     tree: str = "sah"  # or "median", "none"
-    adaptive: bool = False  # samples go where the error is, until a target is reached
+    adaptive: bool = False  # adaptive sampling until a target error is reached
 
     @property
-    def usual(self) -> bool:
-        """Whether rays are traced as they always are: only such ways can be chosen when a scene is drawn."""
+    def selectable(self) -> bool:
+        """Whether a user of ``render`` can choose it: rays are traced with the default triangle test and tree."""
         return (self.triangle, self.tree) == ("watertight", "sah")
 
     @property
     def name(self) -> str:
-        """What to call it in tables.
+        """Name of the configuration in tables.
 
         >>> Configuration("sobol", "float32", tree="none").name
         'sobol, float32, no tree'
@@ -50,53 +50,60 @@ class Configuration(NamedTuple):
         return ", ".join([self.sampler, *(["adaptive"] if self.adaptive else []), self.precision, *extra])
 
 
-def ways_of(scene: Scene) -> list[Configuration]:
-    """Ways that make sense for a scene; the first is how it is drawn by default."""
+def configurations_of(scene: Scene) -> list[Configuration]:
+    """Configurations to compare for a scene; the first is the default."""
     first = make_plan(scene).precision.name
     other = "float64" if first == "float32" else "float32"
-    ways = [Configuration(sampler, first) for sampler in SAMPLERS]
-    ways += [Configuration("sobol", other), Configuration("sobol", first, adaptive=True)]
-    ways += [Configuration("sobol", first, triangle="moller-trumbore"), Configuration("sobol", first, tree="median")]
+    configurations = [Configuration(sampler, first) for sampler in SAMPLERS]
+    configurations += [Configuration("sobol", other), Configuration("sobol", first, adaptive=True)]
+    configurations += [
+        Configuration("sobol", first, triangle="moller-trumbore"),
+        Configuration("sobol", first, tree="median"),
+    ]
     if len(scene.mesh.faces) <= FEW_TRIANGLES:
-        ways.append(Configuration("sobol", first, tree="none"))
-    return ways
+        configurations.append(Configuration("sobol", first, tree="none"))
+    return configurations
 
 
-def steps_of(way: Configuration) -> tuple[float, ...]:
-    """Samples per pixel, or errors that adaptive sampling aims at, from cheap to dear."""
-    if way.adaptive:
+def steps_of(configuration: Configuration) -> tuple[float, ...]:
+    """Samples per pixel, or target errors for adaptive sampling, by increasing cost."""
+    if configuration.adaptive:
         return TARGETS
-    return SPP if way.usual else FEW_SPP
+    return SPP if configuration.selectable else FEW_SPP
 
 
-def weight_of(way: Configuration, step: float) -> float:
-    """How much work a step is, beside others: samples per pixel, or a guess of them."""
-    return max(TARGETS[0] / step, FEW_SPP[0]) if way.adaptive else step
+def weight_of(configuration: Configuration, step: float) -> float:
+    """Relative amount of work of a step: samples per pixel, or an estimate of them."""
+    return max(TARGETS[0] / step, FEW_SPP[0]) if configuration.adaptive else step
 
 
-class Subject:
-    """A scene that is drawn in one of the ways, on a tree of its own."""
+class ConfiguredScene:
+    """A scene that is rendered in one configuration, with a tree of its own."""
 
-    def __init__(self, scene: Scene, way: Configuration, size: tuple[int, int]) -> None:
-        self.way, self.size = way, size
-        self.scene = replace(scene)  # another object, so that its stage is another one
-        split = "median" if way.tree == "median" else "sah"
-        stage = compile_scene(scene, make_plan(scene), way.precision, split, way.triangle)
-        if way.tree == "none":
-            for bvh in _trees(stage):
+    def __init__(self, scene: Scene, configuration: Configuration, size: tuple[int, int]) -> None:
+        self.configuration, self.size = configuration, size
+        self.scene = replace(scene)  # a new object, so that it has its own compiled scene
+        split = "median" if configuration.tree == "median" else "sah"
+        compiled = compile_scene(scene, make_plan(scene), configuration.precision, split, configuration.triangle)
+        if configuration.tree == "none":
+            for bvh in _trees(compiled):
                 _forget_boxes(bvh, _reach(scene))
-        set_compiled(self.scene, stage)
-        self.table_bytes = sum(_bytes(bvh) for bvh in _trees(stage))
+        set_compiled(self.scene, compiled)
+        self.table_bytes = sum(_bytes(bvh) for bvh in _trees(compiled))
 
-    def draw(self, step: float, seed: int) -> Render:
-        """Draw one picture."""
-        aim = {"spp": ADAPTIVE_CAP, "target_error": step} if self.way.adaptive else {"spp": int(step)}
-        how: dict[str, Any] = {"precision": self.way.precision, "sampler": self.way.sampler, "progress": False}
-        return render(self.scene, size=self.size, seed=seed, **how, **aim)
+    def render(self, step: float, seed: int) -> Render:
+        """Render one image; ``step`` is the samples per pixel, or the target error."""
+        sampling = {"spp": ADAPTIVE_CAP, "target_error": step} if self.configuration.adaptive else {"spp": int(step)}
+        options: dict[str, Any] = {
+            "precision": self.configuration.precision,
+            "sampler": self.configuration.sampler,
+            "progress": False,
+        }
+        return render(self.scene, size=self.size, seed=seed, **options, **sampling)
 
 
-def _trees(stage: CompiledScene) -> list[BVH]:
-    return list({id(bvh): bvh for bvh in (stage.bvh, *stage.shadow_bvhs)}.values())
+def _trees(compiled: CompiledScene) -> list[BVH]:
+    return list({id(bvh): bvh for bvh in (compiled.bvh, *compiled.shadow_bvhs)}.values())
 
 
 def _bytes(bvh: BVH) -> int:
@@ -104,13 +111,13 @@ def _bytes(bvh: BVH) -> int:
 
 
 def _reach(scene: Scene) -> float:
-    places = scene.mesh.vertices, scene.camera.position, scene.lights.position
-    return FAR * max(1.0, *(float(np.abs(place).max(initial=0.0)) for place in places))
+    positions = scene.mesh.vertices, scene.camera.position, scene.lights.position
+    return FAR * max(1.0, *(float(np.abs(position).max(initial=0.0)) for position in positions))
 
 
 def _forget_boxes(bvh: BVH, reach: float) -> None:
-    """Widen all boxes until every ray meets every one: then each ray is tested against all triangles."""
-    bvh.tree = unbundled(bvh.tree)  # a frustum would leave out triangles
+    """Enlarge all boxes so that every ray hits every box: then each ray is tested against all triangles."""
+    bvh.tree = unbundled(bvh.tree)  # a frustum would cull triangles
     boxes, used = boxes_of(bvh.tree.nodes), children_of(bvh.tree.nodes)[:, None, :] != 0
     for rows, plane in ((slice(0, 3), -reach), (slice(3, 6), reach)):
         boxes[:, rows] = np.where(used, plane, boxes[:, rows])

@@ -1,4 +1,4 @@
-"""One self-contained HTML page about a sweep, for a screen or a projector: no network, no other file."""
+"""One self-contained HTML page about a sweep: it needs no network and no other files."""
 
 import io
 import json
@@ -35,28 +35,28 @@ SCRIPT = """
 const shown = JSON.parse(document.getElementById('shown').textContent);
 const [one, other, where] = ['one', 'other', 'where'].map(id => document.getElementById(id));
 const boxes = [...document.querySelectorAll('.both')];
-shown.forEach((picture, k) => { for (const list of [one, other]) list.add(new Option(picture.name, k)); });
+shown.forEach((image, k) => { for (const list of [one, other]) list.add(new Option(image.name, k)); });
 one.value = Math.min(1, shown.length - 1); other.value = 0;
-function draw() {
+function update() {
   boxes.forEach(box => {
     const kind = box.dataset.kind, [a, b] = box.querySelectorAll('img');
     a.src = shown[other.value][kind]; b.src = shown[one.value][kind];
     b.style.clipPath = `inset(0 ${100 - where.value}% 0 0)`; box.querySelector('i').style.left = where.value + '%';
   });
 }
-function follow(event) {
+function moveLine(event) {
   const at = event.currentTarget.getBoundingClientRect();
   if (event.type == 'pointerdown') event.currentTarget.setPointerCapture(event.pointerId);
-  if (event.buttons) { where.value = 100 * (event.clientX - at.left) / at.width; draw(); }
+  if (event.buttons) { where.value = 100 * (event.clientX - at.left) / at.width; update(); }
 }
-boxes.forEach(box => { box.onpointerdown = follow; box.onpointermove = follow; });
-for (const control of [one, other, where]) control.oninput = draw;
-draw();
+boxes.forEach(box => { box.onpointerdown = moveLine; box.onpointermove = moveLine; });
+for (const control of [one, other, where]) control.oninput = update;
+update();
 """
 
 
-def page(report: Any, files: Mapping[str, bytes]) -> str:
-    """Write the page of a ``Report``; `files` holds the plots by name."""
+def report_page(report: Any, files: Mapping[str, bytes]) -> str:
+    """HTML page of a ``Report``; `files` has the plots by name."""
     about = report.about_scene
     title = f"{about['name']}: speed against error"
     lines = [
@@ -95,19 +95,19 @@ def _png(rgb8: NDArray[np.uint8]) -> str:
 def _slider(report: Any) -> str:
     height, width = report.shown[0].rgb8.shape[:2]
     none = np.zeros((height, width), np.float32)
-    pictures = [
-        {"name": s.name, "picture": _png(s.rgb8), "error": _png(heat(none if s.error is None else s.error))}
+    images = [
+        {"name": s.name, "image": _png(s.rgb8), "error": _png(heat(none if s.error is None else s.error))}
         for s in report.shown
     ]
-    data = json.dumps(pictures).replace("<", "\\u003c")  # "</script>" in a name would end the data
+    data = json.dumps(images).replace("<", "\\u003c")  # "</script>" in a name would end the data
     ramp = ", ".join(f"rgb{tuple(int(c) for c in colour)}" for colour in heat(10.0 ** np.linspace(-4, 0, 9)))
     both = '<div class="both" data-kind="{}"><img alt=""><img alt="" class="b"><i></i></div>'
-    return f"""<h2>Pictures and their errors</h2>
-<p><select id="one" aria-label="left picture"></select> on the left of the line,
-<select id="other" aria-label="right picture"></select> on the right</p>
-<div class="pair"><div>{both.format("picture")}
-<input type="range" id="where" min="0" max="100" step="0.1" value="50" aria-label="where the line is">
-<small>the pictures; pull the line across</small></div>
+    return f"""<h2>Images and their errors</h2>
+<p><select id="one" aria-label="left image"></select> left of the line,
+<select id="other" aria-label="right image"></select> right of it</p>
+<div class="pair"><div>{both.format("image")}
+<input type="range" id="where" min="0" max="100" step="0.1" value="50" aria-label="position of the line">
+<small>images; drag the line to compare</small></div>
 <div>{both.format("error")}<div class="scale" style="background: linear-gradient(to right, {ramp})"></div>
 <div><span>error 0.0001</span><span>0.001</span><span>0.01</span><span>0.1</span><span>1</span></div>
 <small>largest difference of a channel from the reference, sRGB</small></div></div>
@@ -129,12 +129,12 @@ def _notes(report: Any) -> str:
 
     parts = [f"<h2>How it was measured</h2><p>{escape(report.reference_text)}</p>"]
     if report.orders:
-        parts.append("<p>Order of convergence, on a screen:</p>")
-        parts.append(items([f"{order.way.name}: {order_text(order)}" for order in report.orders]))
-    parts.append("<p>First pictures, with compilation or its cache:</p>")
-    parts.append(items([f"{first.way.name}: {first.seconds:.2f} s" for first in report.firsts]))
+        parts.append("<p>Order of convergence of the RMSE (sRGB):</p>")
+        parts.append(items([f"{order.configuration.name}: {order_text(order)}" for order in report.orders]))
+    parts.append("<p>First images, with compilation or loading of kernels:</p>")
+    parts.append(items([f"{first.configuration.name}: {first.seconds:.2f} s" for first in report.firsts]))
     if report.left_out:
-        parts.append("<p>Left out:</p>" + items([f"{what}: {why}" for what, why in report.left_out]))
+        parts.append("<p>Not measured:</p>" + items([f"{what}: {why}" for what, why in report.left_out]))
     machine = ", ".join(f"{name} {value}" for name, value in report.machine.items())
     parts.append(
         f'<p class="quiet">raytrace {report.version}; {escape(machine)}; scene {report.about_scene["sha256"][:16]}</p>'

@@ -12,9 +12,13 @@ import numpy as np
 from raytrace.errors import RaytraceError
 from raytrace.reporting.analysis import Order, curves_of
 from raytrace.reporting.configurations import Configuration
-from raytrace.reporting.measure import Point
+from raytrace.reporting.measurements import Point
 
-COLOURS = {"sobol": "#0072b2", "stratified": "#009e73", "independent": "#d55e00"}  # told apart by the colour-blind
+COLOURS = {
+    "sobol": "#0072b2",
+    "stratified": "#009e73",
+    "independent": "#d55e00",
+}  # distinguishable for colour-blind readers
 OTHER = "#555555"
 SIZE, DPI = (9.6, 6.0), 110  # inches; dots per inch of the PNG
 STYLE: Any = {
@@ -22,12 +26,12 @@ STYLE: Any = {
     "axes.grid": True,
     "grid.alpha": 0.3,
     "svg.hashsalt": "raytrace",
-    "text.parse_math": False,  # "$" in a name is no formula
+    "text.parse_math": False,  # "$" in a name does not start a formula
 }
 
 
 def check_matplotlib() -> None:
-    """Find out before time is spent on measuring.
+    """Check that matplotlib is installed, before the measurement.
 
     Raises
     ------
@@ -42,16 +46,16 @@ def check_matplotlib() -> None:
 
 @contextlib.contextmanager
 def without_glyphs() -> Iterator[None]:
-    """Draw characters that matplotlib's font lacks as boxes, without a warning for each."""
+    """Suppress the warnings for characters that are missing in matplotlib's font."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"Glyph .* missing from", UserWarning)
         yield
 
 
-def plots(points: Sequence[Point], front: Sequence[bool], orders: Sequence[Order], title: str) -> dict[str, bytes]:
-    """Draw both plots, each as PNG and as SVG; the files' content by name."""
+def make_plots(points: Sequence[Point], front: Sequence[bool], orders: Sequence[Order], title: str) -> dict[str, bytes]:
+    """Make both plots as PNG and SVG; returns the content of the files by name."""
     import matplotlib as mpl
-    from matplotlib.figure import Figure  # without pyplot: no window system is asked for
+    from matplotlib.figure import Figure  # without pyplot: needs no window system
 
     files: dict[str, bytes] = {}
     with mpl.rc_context(STYLE):
@@ -63,7 +67,7 @@ def plots(points: Sequence[Point], front: Sequence[bool], orders: Sequence[Order
             draw(figure.add_axes((0.12, 0.11, 0.86, 0.82)))
             for kind in ("png", "svg"):
                 stream = io.BytesIO()
-                metadata = {"Date": None} if kind == "svg" else {"Software": None}  # the same plot, the same bytes
+                metadata = {"Date": None} if kind == "svg" else {"Software": None}  # the same plot gives the same bytes
                 with without_glyphs():
                     figure.savefig(stream, format=kind, dpi=DPI, metadata=metadata)
                 files[f"{name}.{kind}"] = stream.getvalue()
@@ -73,8 +77,8 @@ def plots(points: Sequence[Point], front: Sequence[bool], orders: Sequence[Order
 def _scale(axes: Any, points: Sequence[Point], title: str, x_label: str) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    scale = "log" if any(point.rmse_srgb for point in points) else "linear"  # zero has no logarithm
-    axes.set(xscale="log", yscale=scale, title=title, xlabel=x_label, ylabel="RMSE on a screen (sRGB)")
+    scale = "log" if any(point.rmse_srgb for point in points) else "linear"  # log 0 does not exist
+    axes.set(xscale="log", yscale=scale, title=title, xlabel=x_label, ylabel="RMSE (sRGB)")
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_scale() == "log":
             axis.set_major_locator(LogLocator(10, subs=(1, 2, 5)))
@@ -82,28 +86,34 @@ def _scale(axes: Any, points: Sequence[Point], title: str, x_label: str) -> None
             axis.set_minor_formatter(NullFormatter())
 
 
-def _look(way: Configuration) -> dict[str, Any]:
-    """Colour: sampler; dashes and markers: what else is unusual."""
+def _look(configuration: Configuration) -> dict[str, Any]:
+    """Line style: colour for the sampler; dashes and markers for the other settings."""
     dashes, marker = "-", "o"
-    if way.adaptive:
+    if configuration.adaptive:
         dashes, marker = "-", "*"
-    elif way.precision == "float64":
+    elif configuration.precision == "float64":
         dashes, marker = "--", "s"
-    if way.triangle != "watertight":
+    if configuration.triangle != "watertight":
         dashes, marker = ":", "^"
-    if way.tree != "sah":
-        dashes, marker = ":", {"median": "v", "none": "X"}[way.tree]
+    if configuration.tree != "sah":
+        dashes, marker = ":", {"median": "v", "none": "X"}[configuration.tree]
     return {
-        "color": "#cc79a7" if way.adaptive else COLOURS.get(way.sampler, OTHER),
+        "color": "#cc79a7" if configuration.adaptive else COLOURS.get(configuration.sampler, OTHER),
         "linestyle": dashes,
         "marker": marker,
     }
 
 
 def _against_time(points: Sequence[Point], front: Sequence[bool], title: str, axes: Any) -> None:
-    _scale(axes, points, title, "seconds a picture")
-    for way, curve in curves_of(points).items():
-        axes.plot([p.seconds for p in curve], [p.rmse_srgb for p in curve], label=way.name, markersize=6, **_look(way))
+    _scale(axes, points, title, "seconds per image")
+    for configuration, curve in curves_of(points).items():
+        axes.plot(
+            [p.seconds for p in curve],
+            [p.rmse_srgb for p in curve],
+            label=configuration.name,
+            markersize=6,
+            **_look(configuration),
+        )
     best = sorted((p.seconds, p.rmse_srgb) for p, kept in zip(points, front, strict=True) if kept)
     x, y = zip(*best, strict=True)
     axes.step(x, y, where="post", color="black", linewidth=5, alpha=0.15, label="Pareto front", zorder=0)
@@ -112,22 +122,27 @@ def _against_time(points: Sequence[Point], front: Sequence[bool], title: str, ax
 
 
 def against_samples(points: Sequence[Point], orders: Sequence[Order], title: str, axes: Any) -> None:
-    """Draw error against samples on matplotlib's axes, with a fitted line for each way."""
+    """Plot error against samples on matplotlib axes, with a fitted line for each configuration."""
     _scale(axes, points, title, "samples per pixel")
-    fits = {order.way: order for order in orders}
-    for way, curve in curves_of(points).items():
-        label = way.name + (f": spp^{fits[way].order:.2f}" if way in fits else "")
-        look = _look(way)
-        line = look["linestyle"] if way.adaptive else ""
+    fits = {order.configuration: order for order in orders}
+    for configuration, curve in curves_of(points).items():
+        label = configuration.name + (f": spp^{fits[configuration].order:.2f}" if configuration in fits else "")
+        look = _look(configuration)
+        line = look["linestyle"] if configuration.adaptive else ""
         axes.plot([p.spp for p in curve], [p.rmse_srgb for p in curve], label=label, **look | {"linestyle": line})
-        if way in fits:
+        if configuration in fits:
             x = np.array([min(p.spp for p in curve), max(p.spp for p in curve)])
-            axes.plot(x, fits[way].at_one * x ** fits[way].order, color=look["color"], linestyle=look["linestyle"])
+            axes.plot(
+                x,
+                fits[configuration].at_one * x ** fits[configuration].order,
+                color=look["color"],
+                linestyle=look["linestyle"],
+            )
     axes.legend(fontsize=10)
 
 
 def heat(error: Any) -> Any:
-    """Colour an (h, w) array of errors on a screen: 1e-4 and below is black, 1 the brightest; (h, w, 3) uint8."""
+    """Colours (h, w, 3) uint8 of sRGB errors (h, w): black at 1e-4 and below, brightest at 1."""
     from matplotlib import colormaps
 
     level = (np.log10(np.maximum(error, 1e-4)) + 4) / 4

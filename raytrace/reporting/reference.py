@@ -1,4 +1,4 @@
-"""The picture that others are judged by: drawn in float64 until it is accurate enough, and kept."""
+"""The reference image of a report: rendered in float64 until it is accurate enough, and cached."""
 
 import contextlib
 import math
@@ -20,45 +20,45 @@ from raytrace.records import Scene
 from raytrace.rendering.progress import Progress
 from raytrace.rendering.rendering import render
 
-AHEAD = 10.0  # the reference is so many times more accurate than what it judges
-START, STEP = 16, 4  # samples per pixel of each half: at first, and how many times more up to `PILOT`
-ORDER = 0.75  # error ~ spp^-order near edges, by which the samples that are needed are guessed
-PILOT = 256  # samples per pixel: the best picture that is judged
-KEPT = "error", "pilot", "spp", "seconds"  # beside the picture, in the cache
-SEED_STEP = 0x9E3779B9  # golden ratio of 2^32: the halves' seeds are far from those that are judged
+AHEAD = 10.0  # goal: ratio of the error of an image of `PILOT` samples to the error of the reference
+START, STEP = 16, 4  # samples per pixel of each half: at first, and the factor of each increase up to `PILOT`
+ORDER = 0.75  # error ~ spp^-ORDER near edges; used to estimate the necessary samples
+PILOT = 256  # samples per pixel of the most accurate image that is measured
+KEPT = "error", "pilot", "spp", "seconds"  # stored with the image in the cache
+SEED_STEP = 0x9E3779B9  # 2^32 / golden ratio: the seeds of the halves differ from the measured ones
 
 
 class Reference(NamedTuple):
-    """What is held to be the truth."""
+    """The reference image and its estimated error."""
 
     rgb: NDArray[np.float32]  # (h, w, 3) linear radiance
-    error: float  # its own RMSE on a screen, from the difference of its halves; NaN: unknown
-    pilot: float  # RMSE on a screen of a picture of `PILOT` samples; NaN: unknown
+    error: float  # its RMSE (sRGB), estimated from the difference of its halves; NaN: unknown
+    pilot: float  # RMSE (sRGB) of an image of `PILOT` samples; NaN: unknown
     spp: int  # samples per pixel of both halves; 0: unknown
-    seconds: float  # that drawing it took, compilation apart
+    seconds: float  # time to render it, without compilation
     origin: str  # "drawn", "cache", or the name of a file
 
     @property
     def enough(self) -> bool:
-        """Whether it is ten times more accurate than what it judges."""
+        """Whether it is ten times more accurate than an image of `PILOT` samples."""
         return self.error * AHEAD <= self.pilot
 
 
 def read_reference(path: Path, size: tuple[int, int]) -> Reference:
-    """Take a picture file as the truth.
+    """Read a reference from an image file.
 
     Raises
     ------
     FileError
-        It can't be read.
+        The file can't be read.
     OptionError
-        It has another size.
+        The image has another size.
     """
     rgb = files.load(path).rgb
     if rgb.shape[:2] != size[::-1]:
         raise OptionError(
             f"reference: {printable(path)} has {rgb.shape[1]}x{rgb.shape[0]} pixels, the film {size[0]}x{size[1]}; "
-            "draw it anew, or set the size"
+            "render it again, or set the size"
         )
     return Reference(rgb, math.nan, math.nan, 0, 0.0, str(path))
 
@@ -66,46 +66,46 @@ def read_reference(path: Path, size: tuple[int, int]) -> Reference:
 def make_reference(
     scene: Scene, size: tuple[int, int], seconds: float, progress: Callable[[float, Progress], None]
 ) -> Reference:
-    """Draw the truth, or take it from the cache.
+    """Render a reference, or load it from the cache.
 
     Parameters
     ----------
     scene : Scene
     size : (width, height), pixels
     seconds : float
-        About how long drawing may take, compilation apart; a first rung is always drawn.
+        Approximate time limit, without compilation. The first step is always rendered.
     progress : callable
-        Is told the share of the time that has passed, and the event of the render.
+        Called with the share of the time that has passed, and the progress of the render.
 
     Returns
     -------
     Reference
-        The mean of two pictures with seeds of their own. Half the RMSE between them estimates its error.
+        The mean of two images with different seeds. Half the RMSE between them estimates its error.
 
     Raises
     ------
     KeyboardInterrupt
-        Ctrl-C before it is there.
+        Ctrl-C before it is complete.
 
     Notes
     -----
-    It is drawn with ever more samples, until its error is a tenth of that of a picture of `PILOT` samples, or drawing
-    it once more would take too long. What was drawn is kept in the cache, and a later call goes on from there.
+    It is rendered with more and more samples. This stops when its error is a tenth of that of an image of `PILOT`
+    samples, or when the next step would take too long. The result is cached, and a later call continues from it.
     """
     path = cache_folder() / "references" / f"{scene.sha256[:24]}-{size[0]}x{size[1]}.npz"
     known = _from_cache(path, size)
     left = seconds
     while known is None or (spp := next_spp(known, left)):
-        known = _rung(scene, size, START if known is None else spp, known, partial(progress, 1 - left / seconds))
+        known = _next_step(scene, size, START if known is None else spp, known, partial(progress, 1 - left / seconds))
         left -= known.seconds
         _keep(path, known)
     return known
 
 
 def next_spp(known: Reference, seconds: float) -> int:
-    """Samples per pixel of each half that the next attempt should have; 0: what is known is enough, or time is short.
+    """Samples per pixel of each half in the next step; 0: accurate enough, or not enough time.
 
-    >>> known = Reference(np.zeros((1, 1, 3), np.float32), 1e-4, 2e-4, 512, 3.0, "drawn")  # wanted: 2e-5
+    >>> known = Reference(np.zeros((1, 1, 3), np.float32), 1e-4, 2e-4, 512, 3.0, "drawn")  # goal: 2e-5
     >>> next_spp(known, 100.0), next_spp(known, 30.0), next_spp(known, 5.0)
     (4096, 2048, 0)
     """
@@ -115,12 +115,12 @@ def next_spp(known: Reference, seconds: float) -> int:
         return STEP * half if affordable >= STEP * half else 0
     if known.enough:
         return 0
-    wanted = half * (known.error * AHEAD / known.pilot) ** (1 / ORDER)
-    spp = 2 ** min(math.ceil(math.log2(wanted)), math.floor(math.log2(max(affordable, 1.0))))
+    goal = half * (known.error * AHEAD / known.pilot) ** (1 / ORDER)
+    spp = 2 ** min(math.ceil(math.log2(goal)), math.floor(math.log2(max(affordable, 1.0))))
     return min(spp, MAX_SPP) if min(spp, MAX_SPP) > half else 0
 
 
-def _rung(
+def _next_step(
     scene: Scene, size: tuple[int, int], spp: int, before: Reference | None, progress: Callable[[Progress], None]
 ) -> Reference:
     began, compiling, halves = time.perf_counter(), 0.0, []
@@ -151,17 +151,11 @@ def _from_cache(path: Path, size: tuple[int, int]) -> Reference | None:
             return None
         errors = float(record["error"]), float(record["pilot"])
         return Reference(kept.rgb, *errors, int(record["spp"]), float(record["seconds"]), "cache")
-    except (
-        FileError,
-        KeyError,
-        TypeError,
-        ValueError,
-        OverflowError,
-    ):  # none yet, or not one of ours: it is drawn anew
+    except (FileError, KeyError, TypeError, ValueError, OverflowError):  # not in the cache, or not a valid entry
         return None
 
 
 def _keep(path: Path, reference: Reference) -> None:
-    with contextlib.suppress(OSError):  # where no folder can be written to, every process draws anew
+    with contextlib.suppress(OSError):  # without a writable folder, every process renders its own
         path.parent.mkdir(parents=True, exist_ok=True)
         files.save(path, reference.rgb, provenance={name: getattr(reference, name) for name in KEPT})

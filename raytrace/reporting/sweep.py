@@ -1,4 +1,4 @@
-"""``report``: speed against error of one scene, measured, weighed up and written down."""
+"""``report``: measure speed against error on one scene, analyse it, and write the results."""
 
 import json
 import math
@@ -16,43 +16,44 @@ from raytrace.parallel import thread_count
 from raytrace.records import Scene
 from raytrace.rendering.options import override
 from raytrace.rendering.progress import Progress
-from raytrace.reporting.advice import advice
+from raytrace.reporting.advice import recommendations
 from raytrace.reporting.analysis import Order, orders_of, pareto
-from raytrace.reporting.configurations import ways_of
-from raytrace.reporting.measure import First, Measured, Point, Shown, Sweep
-from raytrace.reporting.page import page
-from raytrace.reporting.plots import check_matplotlib, plots
+from raytrace.reporting.configurations import configurations_of
+from raytrace.reporting.measure import Sweep
+from raytrace.reporting.measurements import First, Measured, Point, Shown
+from raytrace.reporting.page import report_page
+from raytrace.reporting.plots import check_matplotlib, make_plots
 from raytrace.reporting.reference import Reference, make_reference, read_reference
 from raytrace.reporting.sweep_table import as_json, text
 from raytrace.scene.load import load
 
-MACHINE = "system", "numpy", "numba", "llvmlite", "cores", "processor", "lanes"  # facts that speed depends on
-PARTS = 1000  # of the progress that is told
-FOR_REFERENCE = 0.6  # share of the budget that drawing a reference may take
+MACHINE = "system", "numpy", "numba", "llvmlite", "cores", "processor", "lanes"  # facts that affect the speed
+PARTS = 1000  # steps of the reported progress
+FOR_REFERENCE = 0.6  # share of the budget for rendering a reference
 
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """What a report found; ``print`` it.
+    """Results of a report; ``print`` it.
 
     Attributes
     ----------
     points : tuple of Point
-        What was measured, a way of drawing at a number of samples each.
+        The measurements: one configuration at one number of samples each.
     front : tuple of bool
-        Whether each of them lies on the Pareto front of time and error.
+        Whether each point is on the Pareto front of time and error.
     orders : tuple of Order
-        Order of convergence of each way, with its confidence interval.
+        Order of convergence of each configuration, with a confidence interval.
     firsts : tuple of First
-        The first picture in each way, compilation included.
+        The first image of each configuration, including compilation.
     advice : tuple of str
-        Sentences computed from all this.
+        Recommendations, computed from the measurements.
     left_out : tuple of (str, str)
         What was not measured, and why.
     files : tuple of Path
-        What was written; the page comes last.
+        The files written; the page is the last.
     interrupted : bool
-        True after Ctrl-C: what was measured until then is there.
+        True after Ctrl-C: the report has what was measured until then.
     """
 
     version: str
@@ -74,14 +75,15 @@ class Report:
 
     @property
     def reference_text(self) -> str:
-        """Where the truth came from, in a sentence."""
+        """A sentence on the reference: its origin, samples and error."""
         about = self.about_reference
+        origin = {"drawn": "rendered", "cache": "from the cache"}.get(about["origin"], about["origin"])
         if about["error"] is None:
-            return f"The reference is {about['origin']}; its own error isn't known."
+            return f"The reference is {origin}; its error is unknown."
         return (
-            f"The reference ({about['origin']}) has {about['spp']:,} samples per pixel in float64, and an RMSE of "
-            f"{about['error']:.1e} on a screen by the difference of its halves, {about['ahead'] or math.inf:.3g} times "
-            "less than that of the most accurate point."
+            f"The reference ({origin}) has {about['spp']:,} samples per pixel in float64. Its RMSE (sRGB), "
+            f"estimated from the difference of its halves, is {about['error']:.1e}: "
+            f"{about['ahead'] or math.inf:.3g} times smaller than that of the most accurate point."
         )
 
     def __str__(self) -> str:
@@ -107,15 +109,16 @@ def report(
     scene : Scene, str, Path or dict
         A loaded scene, a scene file, or its content.
     folder : str or Path
-        Is made where it is missing; ``report.json``, ``report.html`` and the plots are written there.
+        Created if missing; ``report.json``, ``report.html`` and the plots are written there.
     reference : path, optional
-        A picture to judge by. Default: one is drawn in float64, and kept in the cache folder.
+        A reference image. Default: one is rendered in float64 and cached.
     budget : float, seconds
-        To draw the reference and to measure in, compilation apart. What doesn't fit is left out, and named.
+        Time for the reference and the measurements, without compilation. What does not fit is not measured, and the
+        report lists it.
     size : (width, height), pixels, optional
-        Default: what the scene says.
+        Image size; default: the scene's.
     progress : callable, optional
-        Is called with a ``Progress`` now and then.
+        Called with a ``Progress`` from time to time.
 
     Returns
     -------
@@ -124,13 +127,13 @@ def report(
     Raises
     ------
     SceneError, FileError
-        As ``load`` does; a reference that can't be read, or a folder that can't be written to.
+        As for ``load``; or the reference can't be read, or the folder can't be written to.
     OptionError
-        An option that can't be met.
+        An option is invalid.
     RaytraceError
         matplotlib or scikit-image isn't installed.
     KeyboardInterrupt
-        Ctrl-C before anything was measured; later, what there is is written.
+        Ctrl-C before anything was measured. Later, the report is written with what was measured.
 
     Examples
     --------
@@ -145,58 +148,62 @@ def report(
     size = override(scene.settings, None, size, None, None, None).size
     folder = Path(folder)
     check_folder(folder)
-    teller = _Teller(progress or (lambda _: None))
+    progress_adapter = _ProgressAdapter(progress or (lambda _: None))
     if reference is None:
-        truth = make_reference(scene, size, FOR_REFERENCE * budget, teller.reference)
+        truth = make_reference(scene, size, FOR_REFERENCE * budget, progress_adapter.reference)
     else:
         truth = read_reference(Path(reference), size)
-    teller.begin_sweep()
+    progress_adapter.begin_sweep()
     seconds = budget - (truth.seconds if truth.origin == "drawn" else 0.0)
-    found = Sweep(scene, size, truth, max(seconds, (1 - FOR_REFERENCE) * budget), teller.sweep).run(ways_of(scene))
+    found = Sweep(scene, size, truth, max(seconds, (1 - FOR_REFERENCE) * budget), progress_adapter.sweep).run(
+        configurations_of(scene)
+    )
     if not found.points:
         if found.interrupted:
             raise KeyboardInterrupt
-        raise OptionError(f"budget: {budget:g} s are too few for a single point; give more, or make the size smaller")
-    return written(scene, size, truth, found, folder, (budget, teller.seconds))
+        raise OptionError(
+            f"budget: {budget:g} s are not enough for a single point; use a larger budget or a smaller size"
+        )
+    return written(scene, size, truth, found, folder, (budget, progress_adapter.seconds))
 
 
-class _Teller:
-    """Turns what the parts tell into one progress."""
+class _ProgressAdapter:
+    """Combine the progress of reference and sweep."""
 
-    def __init__(self, told: Callable[[Progress], None]) -> None:
-        self.told, self.began, self.rays, self.start = told, time.perf_counter(), 0, 0.0
+    def __init__(self, listener: Callable[[Progress], None]) -> None:
+        self.listener, self.began, self.rays, self.start = listener, time.perf_counter(), 0, 0.0
 
     @property
     def seconds(self) -> float:
-        """Since the beginning."""
+        """Seconds since the start."""
         return time.perf_counter() - self.began
 
     def reference(self, share: float, event: Progress) -> None:
-        """Take in the progress of the reference."""
+        """Report progress of the reference."""
         self.rays = max(self.rays, event.rays)
         self.start = max(self.start, FOR_REFERENCE * min(share, 1.0))
-        self._tell(self.start, self.rays, "compiling" if event.stage == "compiling" else "rendering")
+        self._report(self.start, self.rays, "compiling" if event.stage == "compiling" else "rendering")
 
     def begin_sweep(self) -> None:
-        """Note where the reference ended."""
+        """Start the sweep, after the reference."""
         self.reference_rays = self.rays
 
     def sweep(self, share: float, rays: int) -> None:
-        """Take in the progress of the sweep."""
-        self._tell(self.start + (1 - self.start) * share, self.reference_rays + rays, "rendering")
+        """Report progress of the sweep."""
+        self._report(self.start + (1 - self.start) * share, self.reference_rays + rays, "rendering")
 
-    def _tell(self, share: float, rays: int, stage: str) -> None:
-        self.told(Progress(stage, int(PARTS * share), PARTS, rays, self.seconds))
+    def _report(self, share: float, rays: int, stage: str) -> None:
+        self.listener(Progress(stage, int(PARTS * share), PARTS, rays, self.seconds))
 
 
 def written(
     scene: Scene, size: tuple[int, int], truth: Reference, found: Measured, folder: Path, seconds: tuple[float, float]
 ) -> Report:
-    """Weigh up what was found, and write it down."""
+    """Analyse the measurements and write all files."""
     orders, front = orders_of(found.points), pareto(found.points)
     about = _about(scene, size)
-    pictures = plots(found.points, front, orders, str(about["name"]))
-    names = (*pictures, "report.json", "report.html")
+    plot_files = make_plots(found.points, front, orders, str(about["name"]))
+    names = (*plot_files, "report.json", "report.html")
     finished = Report(
         version=raytrace.__version__,
         about_scene=about,
@@ -210,13 +217,13 @@ def written(
         firsts=found.firsts,
         gaps=found.gaps,
         shown=(Shown("reference", srgb8(truth.rgb), None), *found.shown),
-        advice=tuple(advice(found.points, orders, found.gaps)),
+        advice=tuple(recommendations(found.points, orders, found.gaps)),
         left_out=found.left_out,
         files=tuple(folder / name for name in names),
         interrupted=found.interrupted,
     )
     content = json.dumps(as_json(finished), indent=1, allow_nan=False) + "\n"
-    files = pictures | {"report.json": content.encode(), "report.html": page(finished, pictures).encode()}
+    files = plot_files | {"report.json": content.encode(), "report.html": report_page(finished, plot_files).encode()}
     write(folder, files)
     return finished
 

@@ -1,24 +1,24 @@
-"""What a sweep found, as text for terminals and as JSON."""
+"""Results of a sweep, as text for a terminal and as JSON."""
 
 import math
 from typing import Any
 
 from raytrace.reporting.analysis import Order
 from raytrace.reporting.configurations import Configuration
-from raytrace.reporting.measure import First, Point
+from raytrace.reporting.measurements import First, Point
 
-SCHEMA = "raytrace.report/1"  # of the JSON file; another number where a field changes its meaning or leaves
-HEADER = "", "spp", "s", "Mray/s", "MB", "RMSE", "on screen", "rel. MSE", "bias", "8x8 tile", "SSIM", "efficiency", ""
+SCHEMA = "raytrace.report/1"  # of the JSON file; the number changes when a field changes its meaning or is removed
+HEADER = "", "spp", "s", "Mray/s", "MB", "RMSE", "RMSE sRGB", "rel. MSE", "bias", "8x8 tile", "SSIM", "efficiency", ""
 LEGEND = """\
-RMSE in linear light, and of the sRGB codes on a screen; bias: of the worst channel; 8x8 tile: the worst, relative;
-efficiency: 1 / (MSE on a screen x s); *: nothing measured is quicker and as accurate."""
+RMSE: in linear light; RMSE sRGB: of sRGB codes, 0 to 1; bias: of the worst channel; 8x8 tile: the worst, relative;
+efficiency: 1 / (MSE of sRGB codes x s); *: Pareto front, no other point is faster and as accurate."""
 
 
 def cells(point: Point, front: bool) -> list[str]:
-    """One row of the table."""
+    """Cells of one row of the table."""
     bias = max(point.bias, key=abs)
     return [
-        point.way.name,
+        point.configuration.name,
         f"{point.spp:.4g}",
         f"{point.seconds:.3g}",
         f"{point.rays_per_second / 1e6:.1f}",
@@ -35,13 +35,13 @@ def cells(point: Point, front: bool) -> list[str]:
 
 
 def lay_out(rows: list[list[str]]) -> str:
-    """Align columns to the right."""
+    """Format rows as text, with columns aligned to the right."""
     width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     return "\n".join("  ".join(text.rjust(n) for text, n in zip(row, width, strict=True)).rstrip() for row in rows)
 
 
 def order_text(order: Order) -> str:
-    """Write an order of convergence with its interval.
+    """Format an order of convergence with its interval.
 
     >>> order_text(Order(Configuration("sobol", "float32"), -0.751, -0.8, -0.7, 0.1, 9))
     'error ~ spp^-0.751 (95 %: -0.800 .. -0.700)'
@@ -51,21 +51,21 @@ def order_text(order: Order) -> str:
 
 
 def text(report: Any) -> str:
-    """Table, orders, what was left out, and advice; of a ``Report``."""
+    """Text of a ``Report``: table, orders, what was not measured, and advice."""
     rows = [list(HEADER[1:])]
     rows += [cells(point, front)[1:] for point, front in zip(report.points, report.front, strict=True)]
     header, *lines = lay_out(rows).splitlines()
     table = [header]
     for k, (point, line) in enumerate(zip(report.points, lines, strict=True)):
-        if k == 0 or point.way != report.points[k - 1].way:
-            table.append(point.way.name)
+        if k == 0 or point.configuration != report.points[k - 1].configuration:
+            table.append(point.configuration.name)
         table.append(line)
-    orders = [[order.way.name, order_text(order)] for order in report.orders]
-    firsts = [[first.way.name, f"{first.seconds:.2f} s, {first.compile_seconds:.2f} s of them compiling"]
+    orders = [[order.configuration.name, order_text(order)] for order in report.orders]
+    firsts = [[first.configuration.name, f"{first.seconds:.2f} s, {first.compile_seconds:.2f} s of this is compilation"]
               for first in report.firsts]  # fmt: skip
     parts = ["\n".join(table), LEGEND, report.reference_text]
-    parts += [_list("order of convergence, on a screen", orders), _list("first picture", firsts)]
-    parts.append(_list("left out", [list(row) for row in report.left_out]))
+    parts += [_list("order of convergence of the RMSE (sRGB)", orders), _list("first image", firsts)]
+    parts.append(_list("not measured", [list(row) for row in report.left_out]))
     parts.append("\n".join(report.advice))
     return "\n\n".join(part for part in parts if part)
 
@@ -78,7 +78,7 @@ def _list(title: str, rows: list[list[str]]) -> str:
 
 
 def as_json(report: Any) -> dict[str, Any]:
-    """All that was measured, of a ``Report``; NaN and infinities are null."""
+    """All measurements of a ``Report`` as JSON values; NaN and infinity become null."""
     found: dict[str, Any] = {
         "schema": SCHEMA,
         "raytrace": report.version,
@@ -99,15 +99,15 @@ def as_json(report: Any) -> dict[str, Any]:
     return plain
 
 
-def _way(way: Configuration) -> dict[str, Any]:
-    return {"name": way.name, **way._asdict()}
+def _configuration(configuration: Configuration) -> dict[str, Any]:
+    return {"name": configuration.name, **configuration._asdict()}
 
 
 def _point(point: Point, front: bool) -> dict[str, Any]:
-    numbers = {name: value for name, value in point._asdict().items() if name not in ("way", "step", "times")}
-    target = point.step if point.way.adaptive else None
+    numbers = {name: value for name, value in point._asdict().items() if name not in ("configuration", "step", "times")}
+    target = point.step if point.configuration.adaptive else None
     return {
-        "way": _way(point.way),
+        "way": _configuration(point.configuration),
         "target_error": target,
         **numbers,
         "bias": list(point.bias),
@@ -120,12 +120,21 @@ def _point(point: Point, front: bool) -> dict[str, Any]:
 
 
 def _first(first: First) -> dict[str, Any]:
-    return {"way": _way(first.way), "seconds": first.seconds, "compile_seconds": first.compile_seconds}
+    return {
+        "way": _configuration(first.configuration),
+        "seconds": first.seconds,
+        "compile_seconds": first.compile_seconds,
+    }
 
 
 def _order(order: Order) -> dict[str, Any]:
     fitted = {"order": order.order, "low": order.low, "high": order.high}
-    return {"way": _way(order.way), **fitted, "error_at_1_spp": order.at_one, "points": order.points}
+    return {
+        "way": _configuration(order.configuration),
+        **fitted,
+        "error_at_1_spp": order.at_one,
+        "points": order.points,
+    }
 
 
 def _plain(value: Any) -> Any:

@@ -1,8 +1,8 @@
-"""Pictures of the algorithm, as ``rt.show``: what the tree, a ray, a sampler and an error look like.
+"""Figures of the algorithm, as ``rt.show``: the tree, the path of a ray, samples, errors and convergence.
 
-Each function returns a ``Drawing``: it shows itself in a notebook, saves itself as PNG or SVG, and holds the numbers
-that it shows. They need matplotlib: ``pip install matplotlib scikit-image``. ``live`` is a widget, and needs
-anywidget: ``pip install anywidget``.
+Each function returns a ``Drawing``. A notebook displays it, ``save`` writes it as PNG or SVG, and ``data`` has its
+numbers. The functions need matplotlib: ``pip install matplotlib scikit-image``. ``live`` is an interactive viewer and
+needs anywidget: ``pip install anywidget``.
 """
 
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""A thread that draws what was wanted last, better and better, until something else is wanted."""
+"""``BackgroundRenderer``: a thread that renders the latest requested scene progressively."""
 
 import io
 import threading
@@ -16,98 +16,98 @@ from raytrace.rendering.preview import Preview
 from raytrace.rendering.progress import Progress
 from raytrace.rendering.rendering import render
 
-GRACE = 0.08  # s after the first one, in which a hand that moves wants the next: the browser has the cores meanwhile
-PAUSE = 0.2  # s between two frames of the same scene: they come with ever more samples
-QUALITY = 85  # of JPEG, while the picture isn't done: an eighth of the bytes of a PNG
+GRACE = 0.08  # s of waiting for a new request after the first frame: the browser needs the cores to display it
+PAUSE = 0.2  # s between two frames of the same scene, each with more samples
+QUALITY = 85  # JPEG quality of unfinished images: an eighth of the size of a PNG
 
 
-class Frame(NamedTuple):
-    """A picture on its way to the screen."""
+class EncodedImage(NamedTuple):
+    """An encoded image for the browser."""
 
     data: bytes
-    kind: str  # "image/jpeg"; "image/png" once all samples are there
-    samples: float  # a pixel, on average
+    kind: str  # "image/jpeg"; "image/png" with all samples
+    samples: float  # per pixel, averaged over the image
 
 
-class _Stale(Exception):
-    """Something else is wanted by now."""
+class _OutdatedError(Exception):
+    """There is a newer request."""
 
 
-class Artist:
-    """Draws scenes in a thread of its own, which ends when there is nothing to do.
+class BackgroundRenderer:
+    """Renders scenes in a thread of its own, which ends when there are no requests.
 
     Parameters
     ----------
     make : callable
-        Gives the scene to draw, with its settings; is called in that thread.
+        Returns the scene to render, with its settings; called in that thread.
     send : callable
-        Takes a Frame, in that thread.
+        Called with each EncodedImage, in that thread.
     fail : callable
-        Takes what went wrong, in that thread.
+        Called with each exception, in that thread.
     """
 
     def __init__(
-        self, make: Callable[[], Scene], send: Callable[[Frame], None], fail: Callable[[Exception], None]
+        self, make: Callable[[], Scene], send: Callable[[EncodedImage], None], fail: Callable[[Exception], None]
     ) -> None:
         self._make, self._send, self._fail = make, send, fail
-        self._lock, self._wanted, self._busy = threading.Lock(), threading.Event(), False
+        self._lock, self._requested, self._busy = threading.Lock(), threading.Event(), False
 
-    def draw(self) -> None:
-        """Want a picture of what ``make`` gives now; what was begun before is dropped."""
+    def request(self) -> None:
+        """Request an image of the scene that ``make`` returns now; earlier requests are cancelled."""
         with self._lock:
-            self._wanted.set()
+            self._requested.set()
             if not self._busy:
                 self._busy = True
-                threading.Thread(target=self._work, name="raytrace-artist", daemon=True).start()
+                threading.Thread(target=self._work, name="raytrace-viewer", daemon=True).start()
 
-    def stale(self, seconds: float = 0.0) -> bool:
-        """Whether to drop what is being drawn: something else is wanted, within some seconds, or the process ends."""
-        return self._wanted.wait(seconds) or not threading.main_thread().is_alive()
+    def outdated(self, seconds: float = 0.0) -> bool:
+        """Whether to cancel the render: a new request comes within some seconds, or the process ends."""
+        return self._requested.wait(seconds) or not threading.main_thread().is_alive()
 
     def _work(self) -> None:
         while self._next():
             try:
-                picture = render(self._make(), progress=_Easel(self))
-                self._send(Frame(picture._repr_png_(), "image/png", picture.provenance["spp"]))
-            except _Stale:
+                image = render(self._make(), progress=_PreviewSender(self))
+                self._send(EncodedImage(image._repr_png_(), "image/png", image.provenance["spp"]))
+            except _OutdatedError:
                 continue
             except RaytraceError as error:
                 self._fail(error)
             except Exception as error:
-                self._busy = False  # this thread ends; the next picture has another
+                self._busy = False  # this thread ends; the next request starts another
                 self._fail(error)
                 raise
 
     def _next(self) -> bool:
         with self._lock:
-            self._busy = self._wanted.is_set()
-            self._wanted.clear()
+            self._busy = self._requested.is_set()
+            self._requested.clear()
             return self._busy
 
-    def send(self, picture: NDArray[np.uint8], samples: float) -> None:
-        """Send a picture that isn't done."""
+    def send_preview(self, pixels: NDArray[np.uint8], samples: float) -> None:
+        """Send an unfinished image."""
         from PIL import Image
 
         stream = io.BytesIO()
-        Image.fromarray(picture).save(stream, "jpeg", quality=QUALITY)
-        self._send(Frame(stream.getvalue(), "image/jpeg", samples))
+        Image.fromarray(pixels).save(stream, "jpeg", quality=QUALITY)
+        self._send(EncodedImage(stream.getvalue(), "image/jpeg", samples))
 
 
-class _Easel(Preview):
-    """Shows a picture as soon as there is one sample a pixel, and then now and then; gives up if it is stale."""
+class _PreviewSender(Preview):
+    """Sends previews, the first at one sample per pixel; stops the render if it is outdated."""
 
-    def __init__(self, artist: Artist) -> None:
+    def __init__(self, renderer: BackgroundRenderer) -> None:
         super().__init__()
-        self._artist, self._next, self._wait = artist, 0.0, GRACE
+        self._renderer, self._next, self._wait = renderer, 0.0, GRACE
 
     def look(self, progress: Progress) -> None:
-        """Send the picture if it is time."""
+        """Send a preview if the last one is old enough."""
         if progress.stage != "rendering":
             return
-        if self._next and self._artist.stale():  # the first frame is worth its while: a hand that moves needs some
-            raise _Stale
+        if self._next and self._renderer.outdated():  # the first frame is always sent: the user sees it while dragging
+            raise _OutdatedError
         if time.perf_counter() >= self._next and self.whole():
-            self._artist.send(self.picture(MAX_SIDE), float(self.samples.mean()))
-            if self._artist.stale(self._wait):
-                raise _Stale
+            self._renderer.send_preview(self.picture(MAX_SIDE), float(self.samples.mean()))
+            if self._renderer.outdated(self._wait):
+                raise _OutdatedError
             self._next, self._wait = time.perf_counter() + PAUSE, 0.0

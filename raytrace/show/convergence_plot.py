@@ -1,15 +1,15 @@
-"""``convergence``: error against samples, as a report measured it."""
+"""``convergence``: plot of error against samples, from the measurements of a report."""
 
 import numpy as np
 
 from raytrace.reporting.analysis import curves_of
 from raytrace.reporting.plots import against_samples
 from raytrace.reporting.sweep import Report
-from raytrace.show.drawing import Drawing, sheet
+from raytrace.show.drawing import Drawing, new_figure
 
 
 def convergence(report: Report) -> Drawing:
-    """Draw how fast the error falls with the number of samples, for every way of drawing that a report measured.
+    """Plot error against samples per pixel for every configuration of a report.
 
     Parameters
     ----------
@@ -19,8 +19,8 @@ def convergence(report: Report) -> Drawing:
     Returns
     -------
     Drawing
-        ``data``: an (n, 3) array for each way, by its name: samples per pixel, RMSE on a screen (sRGB), seconds a
-        picture.
+        ``data``: an (n, 3) array for each configuration, by its name: samples per pixel, RMSE (sRGB), seconds per
+        image.
 
     Raises
     ------
@@ -29,8 +29,8 @@ def convergence(report: Report) -> Drawing:
 
     Notes
     -----
-    Both axes are logarithmic: an error that falls as spp^-k is a straight line of slope -k. Lines are fits, and the
-    legend tells their slopes; independent samples have -1/2.
+    Both axes are logarithmic: an error that falls as spp^-k is a straight line of slope -k. The lines are fits, and the
+    legend shows their slopes. Independent samples have slope -1/2.
 
     Examples
     --------
@@ -39,11 +39,11 @@ def convergence(report: Report) -> Drawing:
     >>> rt.show.convergence(report).save("convergence.svg")  # doctest: +SKIP
     """
     data = {
-        way.name: np.array([(point.spp, point.rmse_srgb, point.seconds) for point in curve], np.float64)
-        for way, curve in curves_of(report.points).items()
+        configuration.name: np.array([(point.spp, point.rmse_srgb, point.seconds) for point in curve], np.float64)
+        for configuration, curve in curves_of(report.points).items()
     }
     title = f"{report.about_scene['name']}: error against samples"
-    with sheet(10, 6.4) as figure:
+    with new_figure(10, 6.4) as figure:
         axes = figure.subplots()
         axes.grid(alpha=0.3)
         against_samples(report.points, report.orders, title, axes)

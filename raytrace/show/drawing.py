@@ -1,4 +1,4 @@
-"""``Drawing``: a picture of the algorithm, with the numbers that it shows."""
+"""``Drawing``: a figure with the numbers that it shows."""
 
 import io
 from collections.abc import Iterator, Mapping
@@ -13,7 +13,7 @@ from raytrace.output_folder import check_folder, write
 from raytrace.reporting.plots import without_glyphs
 
 DPI = 160  # dots per inch of a PNG
-SHOWN = 80  # of them per inch of a notebook, so that screens with small pixels show all
+SHOWN = 80  # pixels per inch in a notebook; the PNG has more, for screens with a high resolution
 STYLE: Any = {
     "font.size": 13,
     "axes.titlesize": 14,
@@ -22,24 +22,24 @@ STYLE: Any = {
     "axes.spines.right": False,
     "legend.frameon": False,
     "svg.hashsalt": "raytrace",
-    "text.parse_math": False,  # "$" in a name is no formula
+    "text.parse_math": False,  # "$" in a name does not start a formula
 }
-# told apart by the colour-blind   [Okabe2008]
+# distinguishable for colour-blind readers   [Okabe2008]
 BLACK, ORANGE, SKY, GREEN = "#000000", "#e69f00", "#56b4e9", "#009e73"
 YELLOW, BLUE, VERMILION, PURPLE = "#f0e442", "#0072b2", "#d55e00", "#cc79a7"
 
 
 class Drawing:
-    """What the functions of ``rt.show`` return.
+    """A figure and its data; the functions of ``rt.show`` return it.
 
     Attributes
     ----------
     title : str
-        What it shows, in a line.
+        One line that says what it shows.
     data : dict of str to array
-        The numbers that are drawn; the function that made it says which.
+        The numbers in the figure; see the function that made it.
     figure : matplotlib.figure.Figure
-        To change before it is shown or saved.
+        The figure; it can be changed before it is displayed or saved.
 
     Examples
     --------
@@ -57,7 +57,7 @@ class Drawing:
         return f"<Drawing: {self.title}: {', '.join(self.data)}>"
 
     def save(self, path: str | Path) -> Path:
-        """Write the drawing; the ending, .png or .svg, picks the format. The file appears whole or not at all.
+        """Write the drawing to a .png or .svg file, completely or not at all.
 
         Parameters
         ----------
@@ -70,7 +70,7 @@ class Drawing:
         Raises
         ------
         FileError
-            Another ending, or a place that can't be written to.
+            Another extension, or a path that can't be written.
 
         Examples
         --------
@@ -86,7 +86,7 @@ class Drawing:
         return write(path.parent, {path.name: self.encode(kind)})[0]
 
     def encode(self, kind: str) -> bytes:
-        """The content of a file, "png" or "svg"; the same drawing gives the same bytes."""
+        """Content of a "png" or "svg" file; the same drawing gives the same bytes."""
         import matplotlib as mpl
 
         stream = io.BytesIO()
@@ -101,8 +101,8 @@ class Drawing:
 
 
 @contextmanager
-def sheet(width: float, height: float) -> Iterator[Any]:
-    """An empty figure to draw on, in the style of all of them; width and height in inches.
+def new_figure(width: float, height: float) -> Iterator[Any]:
+    """Context with an empty figure in the common style; width and height in inches.
 
     Raises
     ------
@@ -111,15 +111,15 @@ def sheet(width: float, height: float) -> Iterator[Any]:
     """
     try:
         import matplotlib as mpl
-        from matplotlib.figure import Figure  # without pyplot: no window system is asked for
+        from matplotlib.figure import Figure  # without pyplot: needs no window system
     except ImportError:
         raise RaytraceError("rt.show needs matplotlib: pip install matplotlib scikit-image") from None
     with mpl.rc_context(STYLE):
         yield Figure((width, height), layout="constrained")
 
 
-def show_picture(axes: Any, picture: Any, **more: Any) -> Any:
-    """An array on axes, each of its pixels a square, with no ticks; more as matplotlib's ``imshow`` takes it."""
+def show_image(axes: Any, pixels: Any, **options: Any) -> Any:
+    """Show an array on axes without ticks or interpolation; options as for matplotlib's ``imshow``."""
     axes.set(xticks=[], yticks=[])
     axes.spines[:].set(visible=True, color="#aaaaaa", linewidth=0.6)
-    return axes.imshow(picture, interpolation="nearest", **more)
+    return axes.imshow(pixels, interpolation="nearest", **options)

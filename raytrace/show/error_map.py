@@ -1,4 +1,4 @@
-"""``error``: where a picture is off a reference, with its sign, and where its structure differs."""
+"""``error``: maps of the signed error of an image and of its structural similarity (SSIM) to a reference."""
 
 from typing import Any
 
@@ -6,19 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.image.files import LUMINANCE, srgb8
-from raytrace.image.metrics import TILE, Comparison, compare, light_of, ssim_map
-from raytrace.show.drawing import BLACK, Drawing, sheet, show_picture
+from raytrace.image.metrics import TILE, Comparison, compare, difference_scale, light_of, ssim_map
+from raytrace.show.drawing import BLACK, Drawing, new_figure, show_image
 
-SHARE = 0.995  # of the pixels lie within the scale of colours; the largest error is told
+SSIM_QUANTILE = 0.995  # share of the pixels within the grey scale of the SSIM map
 
 
 def error(image: Any, reference: Any) -> Drawing:
-    """Draw a picture, a reference, the signed error of each pixel, and the SSIM map.
+    """Draw an image, a reference, the signed error of each pixel, and the SSIM map.
 
     Parameters
     ----------
-    image, reference : Render, (h, w, 3) array of float, or path of a picture
-        As ``compare`` takes them: linear radiance, the same size.
+    image, reference : Render, (h, w, 3) array of float, or path of an image
+        As for ``compare``: linear radiance, equal size.
 
     Returns
     -------
@@ -28,15 +28,16 @@ def error(image: Any, reference: Any) -> Drawing:
     Raises
     ------
     ValueError, FileError
-        As ``compare`` does.
+        As for ``compare``.
     RaytraceError
         matplotlib or scikit-image isn't installed.
 
     Notes
     -----
-    SSIM is that of [Wang2004]_, of the pictures as a screen shows them, with the settings of ``compare``; the map is
-    the mean of its channels, and also shows the margin of 5 pixels that the mean leaves out. The frame is the worst
-    8 x 8 tile. Pixels that aren't finite count as equal, and are told.
+    SSIM is that of [Wang2004]_, of sRGB codes clipped to 0..1, with the settings of ``compare``. The map is averaged
+    over channels. It includes the margin of 5 pixels that the mean excludes. The frame is the worst 8 x 8 tile. Pixels
+    that are not finite count as equal; the title gives their number. The colours of the error are scaled to the
+    pixels with more than rounding error, so that a small defect in an otherwise equal image is visible.
 
     Examples
     --------
@@ -53,30 +54,30 @@ def error(image: Any, reference: Any) -> Drawing:
     data = {"error": (a - b) @ LUMINANCE, "ssim": ssim_map(a, b)}
     bias = ", ".join(f"{channel:+.2%}" for channel in numbers.relative_bias)
     title = f"RMSE {numbers.rmse:.3g}; bias of red, green, blue {bias}; SSIM {numbers.ssim:.4f}"
-    title += f"; {numbers.non_finite} pixels not finite" if numbers.non_finite else ""
+    title += f"; pixels that are not finite: {numbers.non_finite}" if numbers.non_finite else ""
     height, width = finite.shape
-    with sheet(14, 5.5 * height / width + 2.1) as figure:
+    with new_figure(14, 5.5 * height / width + 2.1) as figure:
         figure.suptitle(title)
         grid = figure.add_gridspec(2, 3, width_ratios=(1, 2, 2))
-        for k, (name, light) in enumerate((("picture", a), ("reference", b))):
+        for k, (name, light) in enumerate((("image", a), ("reference", b))):
             axes = figure.add_subplot(grid[k, 0])
-            show_picture(axes, srgb8(light))
+            show_image(axes, srgb8(light))
             axes.set_title(name)
-        _signed(figure, figure.add_subplot(grid[:, 1]), data["error"], numbers)
+        top = difference_scale(data["error"], b) or 1.0
+        _signed(figure, figure.add_subplot(grid[:, 1]), data["error"], top, numbers)
         _structure(figure, figure.add_subplot(grid[:, 2]), data["ssim"])
     return Drawing(title, data, figure)
 
 
-def _signed(figure: Any, axes: Any, difference: NDArray[np.float64], numbers: Comparison) -> None:
+def _signed(figure: Any, axes: Any, difference: NDArray[np.float64], top: float, numbers: Comparison) -> None:
+    """Show the signed error; the colours reach from -top to top."""
     from matplotlib.patches import Rectangle
 
-    size = np.abs(difference)
-    largest = float(size.max())
-    top = float(np.quantile(size, SHARE)) or largest or 1.0
-    shown = show_picture(axes, difference, cmap="PuOr_r", vmin=-top, vmax=top)
+    largest = float(np.abs(difference).max())
+    shown = show_image(axes, difference, cmap="PuOr_r", vmin=-top, vmax=top)
     axes.set_title(f"error: largest {largest:.3g}")
     extend = "both" if largest > top else "neither"
-    look: Any = {"label": "picture - reference: luminance, radiance", "format": "%.2g"}
+    look: Any = {"label": "image - reference: luminance, radiance", "format": "%.2g"}
     figure.colorbar(shown, ax=axes, location="bottom", extend=extend, ticks=top * np.linspace(-1, 1, 5), **look)
     if largest == 0:
         return
@@ -88,8 +89,9 @@ def _signed(figure: Any, axes: Any, difference: NDArray[np.float64], numbers: Co
 
 
 def _structure(figure: Any, axes: Any, similarity: NDArray[np.float64]) -> None:
-    low = min(float(np.quantile(similarity, 1 - SHARE)), 0.99)
-    shown = show_picture(axes, similarity, cmap="gray", vmin=low, vmax=1.0)
+    """Show the SSIM map."""
+    low = min(float(np.quantile(similarity, 1 - SSIM_QUANTILE)), 0.99)
+    shown = show_image(axes, similarity, cmap="gray", vmin=low, vmax=1.0)
     axes.set_title(f"SSIM: smallest {similarity.min():.3g}")
     extend = "min" if similarity.min() < low else "neither"
     figure.colorbar(shown, ax=axes, location="bottom", label="structural similarity, 1 where equal", extend=extend)

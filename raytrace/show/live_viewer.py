@@ -1,4 +1,4 @@
-"""``live``: a scene in the hand, in a notebook."""
+"""``live``: an interactive viewer for notebooks."""
 
 from typing import TYPE_CHECKING
 
@@ -7,44 +7,44 @@ from raytrace.limits import MAX_SPP
 from raytrace.records import Scene
 from raytrace.rendering.options import within
 from raytrace.scene.load import load
-from raytrace.show.scene_rays import AnyScene, make_subject
+from raytrace.show.prepared_scene import AnyScene, prepare_scene
 
 if TYPE_CHECKING:
     from raytrace.show.widget import Viewer
 
-SIDE = 256  # pixels of the longer side, unless asked for otherwise
+SIDE = 256  # default pixels of the longer side
 
 
 def live(scene: AnyScene, *, size: tuple[int, int] | None = None, spp: int = 64) -> "Viewer":
-    """Take a scene in the hand: turn it, change its light and its glass, and follow the ray behind a pixel.
+    """Open an interactive viewer: turn the camera, change lights and glass, and show the path of a pixel.
 
     Parameters
     ----------
     scene : Scene, str, Path or dict
         A loaded scene, a scene file, or its content.
     size : (width, height), pixels, optional
-        Of the film; default: the scene's own, made smaller until its longer side has 256.
+        Size of the image; default: the scene's, reduced so that its longer side has at most 256 pixels.
     spp : int
-        Samples per pixel when the hand rests.
+        Samples per pixel of the final image, after the last change.
 
     Returns
     -------
     Viewer
-        It shows itself in a notebook: as the last line of a cell, or by ``display``.
+        A widget; a notebook displays it as the last line of a cell, or by ``display``.
 
     Raises
     ------
     SceneError, FileError
-        As ``load`` does.
+        As for ``load``.
     OptionError
-        A size or a number of samples that can't be met.
+        An invalid size or number of samples.
     RaytraceError
         anywidget isn't installed.
 
     Notes
     -----
-    Trees are built once: they depend neither on the camera, nor on fluxes, nor on indices of refraction. The picture
-    at rest has the bits of ``rt.render(viewer.scene)``.
+    Trees are built once, because they do not depend on the camera, the fluxes or the indices of refraction. The final
+    image is bit-identical to ``rt.render(viewer.scene)``.
 
     Examples
     --------
@@ -64,4 +64,4 @@ def live(scene: AnyScene, *, size: tuple[int, int] | None = None, spp: int = 64)
         width, height = scene.settings.size
         scale = min(SIDE / max(width, height), 1.0)
         size = max(round(scale * width), 1), max(round(scale * height), 1)
-    return Viewer(make_subject(scene, size), within("spp", spp, 1, MAX_SPP))
+    return Viewer(prepare_scene(scene, size), within("spp", spp, 1, MAX_SPP))

@@ -1,21 +1,21 @@
-"""The lines that carry the shape of a mesh: its boundary, its creases, and its outline from somewhere."""
+"""Feature lines of a mesh: boundary edges, creases and the outline in a view direction."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.records import Mesh
 
-CREASE = np.cos(np.radians(30))  # cosine of the angle between neighbours from which an edge is drawn
-MOST = 20_000  # lines that are drawn: the longest
+CREASE = np.cos(np.radians(30))  # cosine of the angle between neighbours from which an edge is a crease
+MAX_LINES = 20_000  # only the longest are drawn
 
 
-def wires(mesh: Mesh, direction: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Lines of a mesh seen along a direction: (k, 2, 3), world units.
+def feature_lines(mesh: Mesh, direction: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Feature lines of a mesh seen along a direction: (k, 2, 3), world units.
 
-    Edges of one triangle, edges whose triangles differ by more than 30 degrees, and those between a triangle that faces
-    the viewer and one that doesn't.
+    These are edges of a single triangle, edges whose triangles differ by more than 30 degrees, and edges between a
+    triangle that faces the viewer and one that does not.
     """
-    points, number = np.unique(mesh.vertices, axis=0, return_inverse=True)  # where objects touch, they share corners
+    points, number = np.unique(mesh.vertices, axis=0, return_inverse=True)  # objects that touch share vertices
     faces = number.reshape(-1)[mesh.faces]
     normal = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
     length = np.linalg.norm(normal, axis=1, keepdims=True)
@@ -31,4 +31,4 @@ def wires(mesh: Mesh, direction: NDArray[np.floating]) -> NDArray[np.float64]:
     outline = (one @ direction) * (other @ direction) * np.sign((one * other).sum(axis=1)) < 0
     lines = points[pairs[start[(count != 2) | sharp | outline]]]
     longest = np.argsort(-np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1), kind="stable")
-    return lines[longest[:MOST]]
+    return lines[longest[:MAX_LINES]]

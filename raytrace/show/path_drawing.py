@@ -1,4 +1,4 @@
-"""``path``: one sample of a pixel, surface by surface, with its shadow rays and the numbers of each step."""
+"""``path``: the path of one sample of a pixel, with shadow rays and the numbers of each step."""
 
 from base64 import b64encode
 from html import escape
@@ -11,19 +11,19 @@ from raytrace.image.files import srgb8
 from raytrace.limits import MAX_SPP
 from raytrace.rendering.options import within
 from raytrace.rendering.rendering import render
-from raytrace.show.annotations import keys
-from raytrace.show.drawing import VERMILION, Drawing, sheet, show_picture
+from raytrace.show.annotations import legend_handles
+from raytrace.show.drawing import VERMILION, Drawing, new_figure, show_image
 from raytrace.show.path_elevations import draw_elevations
 from raytrace.show.path_section import draw_section
 from raytrace.show.path_steps import Steps, follow
 from raytrace.show.path_tables import as_html, as_text, tables_of
-from raytrace.show.scene_rays import AnyScene, Subject, make_subject
+from raytrace.show.prepared_scene import AnyScene, PreparedScene, prepare_scene
 
-SIDE = 200  # pixels of the longer side of the picture beside the path
+SIDE = 200  # pixels of the longer side of the image beside the path
 
 
 class PathDrawing(Drawing):
-    """A ``Drawing`` of a path; ``print`` it for its numbers, and look into ``steps`` for all of them.
+    """A ``Drawing`` of a path; ``print`` it for tables, ``steps`` has all numbers.
 
     Attributes
     ----------
@@ -40,8 +40,8 @@ class PathDrawing(Drawing):
 
     def _repr_html_(self) -> str:
         data, size = self._repr_png_()
-        picture = f"data:image/png;base64,{b64encode(data).decode()}"
-        img = f'<img alt="{escape(self.title)}" width="{size["width"]}" src="{picture}">'
+        source = f"data:image/png;base64,{b64encode(data).decode()}"
+        img = f'<img alt="{escape(self.title)}" width="{size["width"]}" src="{source}">'
         return "\n".join([img, *(as_html(table) for table in tables_of(self.steps))])
 
 
@@ -56,18 +56,18 @@ def _arrays(steps: Steps) -> dict[str, NDArray[Any]]:
 def path(
     scene: AnyScene, pixel: tuple[int, int], *, size: tuple[int, int] | None = None, sample: int = 0
 ) -> PathDrawing:
-    """Follow one sample of a pixel from the camera to where it ends, and draw it from the side and from above.
+    """Trace one sample of a pixel, and draw its path in section, from the side and from above.
 
     Parameters
     ----------
     scene : Scene, str, Path or dict
         A loaded scene, a scene file, or its content.
     pixel : (x, y)
-        Column and row of the film, (0, 0) at the top left.
+        Column and row, (0, 0) is at the top left.
     size : (width, height), pixels, optional
-        Of the film; default: what the scene says.
+        Image size; default: the scene's.
     sample : int
-        Which sample of the pixel, from 0 on.
+        Number of the sample, from 0.
 
     Returns
     -------
@@ -79,15 +79,15 @@ def path(
     Raises
     ------
     SceneError, FileError
-        As ``load`` does.
+        As for ``load``.
     OptionError
-        A pixel that isn't on the film.
+        A pixel outside the image.
     RaytraceError
         matplotlib isn't installed.
 
     Notes
     -----
-    The sample goes through the kernels of ``render``, in its precision: hits and radiance are the same bits.
+    The sample is traced by the kernels of ``render``, in the same precision: hits and radiance are bit-identical.
 
     Examples
     --------
@@ -96,29 +96,29 @@ def path(
     >>> [(step.event, step.material) for step in drawing.steps.path]
     [('enters', 'pane'), ('lands', 'grey')]
     """
-    subject = make_subject(scene, size)
+    prepared = prepare_scene(scene, size)
     column, row = (
-        within("pixel", number, 0, most - 1) for number, most in zip(pixel, subject.settings.size, strict=True)
+        within("pixel", number, 0, side - 1) for number, side in zip(pixel, prepared.settings.size, strict=True)
     )
-    steps = follow(subject, (column, row), within("sample", sample, 0, MAX_SPP - 1))
-    title = f"{subject.name}: sample {sample} of pixel ({column}, {row}), {subject.stage.bvh.precision}"
-    with sheet(14, 8.4) as figure:
+    steps = follow(prepared, (column, row), within("sample", sample, 0, MAX_SPP - 1))
+    title = f"{prepared.name}: sample {sample} of pixel ({column}, {row}), {prepared.compiled.bvh.precision}"
+    with new_figure(14, 8.4) as figure:
         figure.suptitle(title)
         grid = figure.add_gridspec(2, 1, height_ratios=(5, 3))
         top, bottom = grid[0].subgridspec(1, 3, width_ratios=(4, 7, 2)), grid[1].subgridspec(1, 2)
-        _picture(figure.add_subplot(top[0]), subject, (column, row))
-        draw_section(subject, steps, figure.add_subplot(top[1]))
+        _image(figure.add_subplot(top[0]), prepared, (column, row))
+        draw_section(prepared, steps, figure.add_subplot(top[1]))
         _legend(figure.add_subplot(top[2]))
-        draw_elevations(subject, steps, [figure.add_subplot(bottom[k]) for k in range(2)])
+        draw_elevations(prepared, steps, [figure.add_subplot(bottom[k]) for k in range(2)])
     return PathDrawing(title, steps, figure)
 
 
-def _picture(axes: Any, subject: Subject, pixel: tuple[int, int]) -> None:
-    """The scene, with a ring around the pixel."""
-    width, height = subject.settings.size
+def _image(axes: Any, prepared: PreparedScene, pixel: tuple[int, int]) -> None:
+    """Show the rendered scene with a ring around the pixel."""
+    width, height = prepared.settings.size
     scale = min(SIDE / max(width, height), 1.0)
     small = max(round(scale * width), 1), max(round(scale * height), 1)
-    show_picture(axes, srgb8(render(subject.scene, spp=4, size=small, progress=False).rgb))
+    show_image(axes, srgb8(render(prepared.scene, spp=4, size=small, progress=False).rgb))
     at = [
         (number + 0.5) * part / whole - 0.5 for number, part, whole in zip(pixel, small, (width, height), strict=True)
     ]
@@ -128,4 +128,4 @@ def _picture(axes: Any, subject: Subject, pixel: tuple[int, int]) -> None:
 
 def _legend(axes: Any) -> None:
     axes.axis("off")
-    axes.legend(handles=keys(), loc="center")
+    axes.legend(handles=legend_handles(), loc="center")

@@ -1,4 +1,4 @@
-"""A close view of a path in its plane of incidence, where the scene is cut: angles and lengths are true."""
+"""A path in its plane of incidence, with a section of the scene: angles and lengths are true to scale."""
 
 from typing import Any
 
@@ -9,30 +9,30 @@ from raytrace.records import Mesh
 from raytrace.show.annotations import draw_path
 from raytrace.show.drawing import BLACK
 from raytrace.show.path_steps import Step, Steps
-from raytrace.show.scene_rays import Subject
+from raytrace.show.prepared_scene import PreparedScene
 
-AROUND = 0.7  # of the extent of the interfaces is shown on each side of them
-LEAST = 0.12  # of the extent of the scene is shown on each side of them at least
-ARCS = 4  # interfaces whose angles are written down
-PAPER = {"boxstyle": "round,pad=0.05", "facecolor": "white", "edgecolor": "none"}
-WIDE = 0.9  # cosine: a wider angle has room for its size
-ARC = 0.16  # radius of an arc, in heights of the drawing
+AROUND = 0.7  # margin around the interfaces, relative to their extent
+MIN_MARGIN = 0.12  # smallest margin, relative to the extent of the scene
+ARCS = 4  # angles are drawn at this many interfaces
+LABEL_BOX = {"boxstyle": "round,pad=0.05", "facecolor": "white", "edgecolor": "none"}
+WIDE = 0.9  # cosine: an angle wider than this has room for its label
+ARC = 0.16  # radius of an arc, in half heights of the axes
 
 
 class Plane:
-    """The plane of incidence of a step, seen with the camera's ray from left to right.
+    """The plane of incidence of a step, seen with the ray going from left to right.
 
     Attributes
     ----------
     origin : (3,) array, world units
     frame : (3, 3) array
-        Rows: to the right, up, and towards the viewer.
+        Rows: right, up, and towards the viewer.
     """
 
     def __init__(self, step: Step, up: NDArray[np.floating]) -> None:
         d, n = step.d.astype(np.float64), step.ns.astype(np.float64)
         towards = np.cross(d, n)
-        if np.linalg.norm(towards) < 1e-3:  # straight on: any plane will do
+        if np.linalg.norm(towards) < 1e-3:  # normal incidence: any plane through the ray
             towards = np.cross(d, up)
         towards = towards / np.linalg.norm(towards)
         right = d / np.linalg.norm(d)
@@ -41,22 +41,23 @@ class Plane:
             towards, above = -towards, -above
         self.origin, self.frame = step.p.astype(np.float64), np.stack([right, above, towards])
 
-    def seen(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Coordinates (..., 2) of points (..., 3) in the plane."""
+    def project(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Coordinates (..., 2) in the plane of points (..., 3)."""
         return self.coordinates(points)[..., :2]
 
     def coordinates(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
-        """The same, and the distance from the plane: (..., 3)."""
+        """Coordinates in the plane and distance from it, (..., 3), of points (..., 3)."""
         return (np.asarray(points, np.float64) - self.origin) @ self.frame.T
 
 
 def cut(mesh: Mesh, plane: Plane) -> NDArray[np.float64]:
-    """Lines along which a plane cuts the triangles of a mesh: (k, 2, 2), in the plane."""
+    """Intersections of a plane with the triangles of a mesh: segments (k, 2, 2) in the plane."""
     corners = plane.coordinates(mesh.vertices)[mesh.faces]  # (m, 3, 3)
     above = corners[..., 2] > 0
     crossed = above.any(axis=1) & ~above.all(axis=1)
     corners, above = corners[crossed], above[crossed]
-    alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), (~above).argmax(axis=1))  # on its side of the plane
+    single_above = above.sum(axis=1) == 1
+    alone = np.where(single_above, above.argmax(axis=1), (~above).argmax(axis=1))  # the only vertex on its side
     rows = np.arange(len(corners))
     apex = corners[rows, alone][:, None]
     others = np.stack([corners[rows, (alone + k) % 3] for k in (1, 2)], axis=1)
@@ -64,23 +65,23 @@ def cut(mesh: Mesh, plane: Plane) -> NDArray[np.float64]:
     return (apex + share * (others - apex))[..., :2]
 
 
-def draw_section(subject: Subject, steps: Steps, axes: Any) -> None:
-    """Draw the interfaces of a path, or else where it lands, in the plane of incidence of the first."""
+def draw_section(prepared: PreparedScene, steps: Steps, axes: Any) -> None:
+    """Draw the interfaces of a path, or else its end, in the plane of incidence of the first hit."""
     met = [step for step in steps.path if step.prim_id >= 0]
     axes.set(xticks=[], yticks=[])
     axes.spines[:].set(visible=True, color="#aaaaaa", linewidth=0.6)
     if not met:
-        axes.set_title("the ray meets nothing", loc="left")
+        axes.set_title("the ray hits nothing", loc="left")
         return
-    plane = Plane(met[0], -subject.view.down)
+    plane = Plane(met[0], -prepared.view.down)
     bent = [step for step in met if not np.isnan(step.eta)] or met[-1:]
-    points = plane.seen(np.array([step.p for step in bent]))
+    points = plane.project(np.array([step.p for step in bent]))
     low, high = points.min(axis=0), points.max(axis=0)
-    mesh = subject.scene.mesh
-    room = max(AROUND * (high - low).max(), LEAST * float(np.ptp(mesh.vertices, axis=0).max()))
-    middle, half = (low + high) / 2, (high - low).max() / 2 + room
+    mesh = prepared.scene.mesh
+    margin = max(AROUND * (high - low).max(), MIN_MARGIN * float(np.ptp(mesh.vertices, axis=0).max()))
+    middle, half = (low + high) / 2, (high - low).max() / 2 + margin
     _scene(axes, cut(mesh, plane))
-    draw_path(axes, steps, plane.seen, half)
+    draw_path(axes, steps, plane.project, half)
     for step in bent[:ARCS]:
         _angles(axes, step, plane, ARC * half)
     axes.set(
@@ -99,41 +100,41 @@ def _scene(axes: Any, lines: NDArray[np.float64]) -> None:
 
 
 def _angles(axes: Any, step: Step, plane: Plane, radius: float) -> None:
-    """The normal on both sides, and arcs from it to the ray that comes and to the one that goes."""
+    """Draw the normal on both sides, and arcs from it to the incoming and the outgoing ray."""
     from matplotlib.patches import Arc
 
-    at = plane.seen(step.p)
+    at = plane.project(step.p)
     n = plane.frame[:2] @ step.ns
     axes.plot(
         *np.stack([at - 2.4 * radius * n, at + 2.4 * radius * n]).T, color=BLACK, linewidth=0.9, linestyle=(0, (4, 3))
     )
     sides = [(n, -(plane.frame[:2] @ step.d), step.angle_in)]
     if step.onward is not None:
-        way = plane.frame[:2] @ step.onward
-        sides.append((n if way @ n > 0 else -n, way, step.angle_out))
-    for normal, way, angle in sides:
-        ends = [float(np.degrees(np.arctan2(vector[1], vector[0]))) for vector in (normal, way)]
+        ray = plane.frame[:2] @ step.onward
+        sides.append((n if ray @ n > 0 else -n, ray, step.angle_out))
+    for normal, ray, angle in sides:
+        ends = [float(np.degrees(np.arctan2(vector[1], vector[0]))) for vector in (normal, ray)]
         if (ends[1] - ends[0]) % 360 > 180:
             ends.reverse()
         axes.add_patch(
             Arc((at[0], at[1]), 2 * radius, 2 * radius, theta1=ends[0], theta2=ends[1], linewidth=1.4, zorder=6)
         )
-        look = {"ha": "center", "va": "center", "fontsize": 12, "zorder": 9, "annotation_clip": True}
-        axes.annotate(f"{angle:.1f}\N{DEGREE SIGN}", at + radius * _beside(normal, way), bbox=PAPER, **look)
+        style = {"ha": "center", "va": "center", "fontsize": 12, "zorder": 9, "annotation_clip": True}
+        axes.annotate(f"{angle:.1f}\N{DEGREE SIGN}", at + radius * _beside(normal, ray), bbox=LABEL_BOX, **style)
 
 
-def _beside(normal: NDArray[np.float64], way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Where the size of an angle is written, in radii of its arc: in it, or beside the normal where it is narrow."""
-    normal, way = normal / np.linalg.norm(normal), way / max(float(np.linalg.norm(way)), 1e-9)
-    if normal @ way < WIDE:
-        middle = normal + way
+def _beside(normal: NDArray[np.float64], ray: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Position of an angle's label, in radii of its arc: inside the angle, or beside the normal if it is narrow."""
+    normal, ray = normal / np.linalg.norm(normal), ray / max(float(np.linalg.norm(ray)), 1e-9)
+    if normal @ ray < WIDE:
+        middle = normal + ray
         return 1.75 * middle / np.linalg.norm(middle)
     aside = np.array([-normal[1], normal[0]])
-    return 2.4 * normal + (0.55 if aside @ way <= 0 else -0.55) * aside
+    return 2.4 * normal + (0.55 if aside @ ray <= 0 else -0.55) * aside
 
 
 def _scale_bar(axes: Any, middle: NDArray[np.float64], half: float) -> None:
-    """A line of a round length, with that length."""
+    """Draw a scale bar of a round length."""
     step = 10.0 ** np.floor(np.log10(half))
     length = max(k * step for k in (0.5, 1, 2, 5) if k * step <= 1.2 * half)
     x, y = middle[0] + 1.5 * half - length, middle[1] - 0.9 * half

@@ -1,4 +1,4 @@
-"""The steps of one sample: ``render``'s own wavefront, which writes down what its first ray does."""
+"""Trace one sample with the wavefront of ``render``, and record every step of its path."""
 
 from typing import Any, NamedTuple
 
@@ -10,22 +10,22 @@ from raytrace.errors import printable
 from raytrace.passes.sampling import make_sampler
 from raytrace.records import REFRACTIVE, Batch, Columns
 from raytrace.rendering.wavefront import Wavefront
-from raytrace.show.scene_rays import Subject
+from raytrace.show.prepared_scene import PreparedScene
 
 
 class Step(NamedTuple):
-    """A ray of the path, and what it met; points, normals and angles are NaN where it met nothing."""
+    """A ray of the path and its hit; points, normals and angles are NaN for a miss."""
 
     o: NDArray[np.floating]  # (3,) f, world units
     d: NDArray[np.floating]  # (3,) f: unit
-    t: float  # world units; inf: it left the scene
-    prim_id: int  # row of the faces; -1: it left the scene
+    t: float  # world units; inf: a miss
+    prim_id: int  # row of the faces; -1: a miss
     p: NDArray[np.floating]  # (3,) f, world units
     ng: NDArray[np.floating]  # (3,) f: unit geometric normal, on the ray's side
     ns: NDArray[np.floating]  # (3,) f: unit shading normal, on the ray's side
     material: str
-    event: str  # what happened there
-    onward: NDArray[np.floating] | None  # (3,) f: unit, how it went on; None: the path ends
+    event: str  # what happens at the hit
+    onward: NDArray[np.floating] | None  # (3,) f: unit direction of the next ray; None: the path ends
     eta: float  # transmitted / incident; NaN where nothing is refracted
     angle_in: float  # degrees, to the shading normal
     angle_out: float  # degrees; NaN where the path ends
@@ -38,9 +38,9 @@ class ShadowRay(NamedTuple):
     o: NDArray[np.floating]  # (3,) f, world units
     d: NDArray[np.floating]  # (3,) f, world units: to the light, which is at t = 1
     event: str  # "reaches", "blocked" or "faces away"
-    t: float  # where it ends: 1, or at what blocks it; NaN where none was sent
-    irradiance: NDArray[np.floating]  # (3,) f, W / m^2: that reaches the surface
-    radiance: NDArray[np.floating]  # (3,) f: that it adds
+    t: float  # its end: 1, or the hit that blocks it; NaN if the surface faces away
+    irradiance: NDArray[np.floating]  # (3,) f, W / m^2: at the surface
+    radiance: NDArray[np.floating]  # (3,) f: contribution to the sample
 
 
 class Steps(NamedTuple):
@@ -48,11 +48,11 @@ class Steps(NamedTuple):
 
     path: tuple[Step, ...]
     shadows: tuple[ShadowRay, ...]
-    radiance: NDArray[np.floating]  # (3,) f: what the sample brings home
+    radiance: NDArray[np.floating]  # (3,) f: of the sample
 
 
-class _Met(NamedTuple):
-    """What the wavefront computed for a ray."""
+class _TracedRay(NamedTuple):
+    """A ray and its hit, as computed by the wavefront."""
 
     o: NDArray[np.floating]
     d: NDArray[np.floating]
@@ -62,8 +62,8 @@ class _Met(NamedTuple):
     v: float
 
 
-class _Lit(NamedTuple):
-    """What the wavefront computed for a light."""
+class _TracedShadow(NamedTuple):
+    """A shadow ray and its result, as computed by the wavefront."""
 
     o: NDArray[np.floating]
     d: NDArray[np.floating]
@@ -74,51 +74,53 @@ class _Lit(NamedTuple):
 
 
 class _Recorder(Wavefront):
-    """A wavefront all of whose rays are the same, and which keeps what the first one does."""
+    """A wavefront whose rays are all the same; it records the first one."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self.sent: list[_Met] = []
-        self.lit: list[_Lit] = []
+        self.sent: list[_TracedRay] = []
+        self.lit: list[_TracedShadow] = []
 
     def first(self, field: NDArray[np.floating]) -> NDArray[np.floating]:
-        """x, y and z of the first ray."""
+        """Components x, y and z of the first ray."""
         return field.reshape(3, -1)[:, 0].copy()
 
     def _closest(self, batch: Batch, origins: Columns, count: int) -> None:
         super()._closest(batch, origins, count)
         o = origins.data[origins.start + origins.axis * np.arange(3)]
-        self.sent.append(_Met(o, self.first(batch.d), *(column[0] for column in batch.hits)))
+        self.sent.append(_TracedRay(o, self.first(batch.d), *(column[0] for column in batch.hits)))
 
     def _light(self, number: int) -> None:
         before = self.first(self.radiance)
         super()._light(number)
         ray, added = self.shadows, self.first(self.radiance) - before
         o, d = self.first(ray.o), self.first(ray.d)
-        self.lit.append(_Lit(o, d, bool(ray.tmax[0] > 0), bool(ray.occluded[0]), float(ray.irradiance[0]), added))
+        self.lit.append(
+            _TracedShadow(o, d, bool(ray.tmax[0] > 0), bool(ray.occluded[0]), float(ray.irradiance[0]), added)
+        )
 
 
-def follow(subject: Subject, pixel: tuple[int, int], sample: int) -> Steps:
-    """Follow a sample of a pixel, with the numbers that ``render`` computes for it."""
-    stage, settings = subject.stage, subject.settings
+def follow(prepared: PreparedScene, pixel: tuple[int, int], sample: int) -> Steps:
+    """Trace a sample of a pixel; the numbers are those of ``render``."""
+    settings = prepared.settings
     sampler = make_sampler(settings.sampler, settings.seed, settings.spp)
-    recorder = _Recorder(stage, subject.view, sampler, PACKET)
+    recorder = _Recorder(prepared.compiled, prepared.view, sampler, PACKET)
     x, y = (np.full(PACKET, number, np.uint32) for number in pixel)
     recorder.add_samples(x, y, sample, sample + 1, np.zeros((12, PACKET)), 0)
     onward = [ray.d for ray in recorder.sent[1:]] + [None]
-    path = tuple(_step(subject, ray, way) for ray, way in zip(recorder.sent, onward, strict=True))
+    path = tuple(_step(prepared, ray, next_d) for ray, next_d in zip(recorder.sent, onward, strict=True))
     landed = "lands" in path[-1].event
-    shadows = tuple(_shadow(subject, number, ray) for number, ray in enumerate(recorder.lit)) if landed else ()
+    shadows = tuple(_shadow(prepared, number, ray) for number, ray in enumerate(recorder.lit)) if landed else ()
     return Steps(path, shadows, recorder.first(recorder.radiance))
 
 
-def _step(subject: Subject, ray: _Met, onward: NDArray[np.floating] | None) -> Step:
-    """Say what a ray met, and how it went on."""
+def _step(prepared: PreparedScene, ray: _TracedRay, onward: NDArray[np.floating] | None) -> Step:
+    """Describe a ray, its hit and the next direction."""
     o, d, t, prim_id, u, v = ray
     nothing = np.full(3, np.nan)
     if prim_id < 0:
         return Step(o, d, np.inf, -1, nothing, nothing, nothing, "", "leaves the scene", None, *3 * [np.nan])
-    scene, triangle = subject.scene, subject.stage.bvh.triangles[prim_id]
+    scene, triangle = prepared.scene, prepared.compiled.bvh.triangles[prim_id]
     p, ng = triangle[:3] + (u * (triangle[3:6] - triangle[:3]) + v * (triangle[6:9] - triangle[:3])), triangle[9:]
     ns = ng
     if scene.mesh.normals is not None:
@@ -151,12 +153,12 @@ def _degrees(cosine: float) -> float:
     return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
 
 
-def _shadow(subject: Subject, number: int, ray: _Lit) -> ShadowRay:
-    """Say what became of the shadow ray to a light; where it was stopped, the nearest triangle did it, for the eye."""
-    arriving = ray.irradiance * subject.stage.light_flux[number]
+def _shadow(prepared: PreparedScene, number: int, ray: _TracedShadow) -> ShadowRay:
+    """Describe the shadow ray to a light; a blocked one ends at the nearest triangle."""
+    arriving = ray.irradiance * prepared.compiled.light_flux[number]
     if not ray.sent:
         return ShadowRay(number, ray.o, ray.d, "faces away", np.nan, 0 * arriving, ray.added)
     if not ray.occluded:
         return ShadowRay(number, ray.o, ray.d, "reaches", 1.0, arriving, ray.added)
-    blocker = subject.stage.shadow_bvhs[number].closest_hit(ray.o[None], ray.d[None], tmax=1.0)
+    blocker = prepared.compiled.shadow_bvhs[number].closest_hit(ray.o[None], ray.d[None], tmax=1.0)
     return ShadowRay(number, ray.o, ray.d, "blocked", float(blocker.t[0]), 0 * arriving, ray.added)

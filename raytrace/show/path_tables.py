@@ -1,4 +1,4 @@
-"""The numbers of a path as tables, for a terminal and for a notebook."""
+"""Tables of the numbers of a path, as text and as HTML."""
 
 from collections.abc import Iterable
 from html import escape
@@ -10,7 +10,7 @@ from raytrace.show.path_steps import ShadowRay, Step, Steps
 
 
 class Table(NamedTuple):
-    """Rows of text."""
+    """A table of text cells."""
 
     title: str
     header: tuple[str, ...]
@@ -18,7 +18,7 @@ class Table(NamedTuple):
 
 
 def tables_of(steps: Steps) -> list[Table]:
-    """Rays of the path, shadow rays, and what came of it."""
+    """Tables of the path, the shadow rays and the radiance of the sample."""
     path = Table(
         "path: lengths in world units, angles in degrees to the shading normal, eta transmitted / incident",
         ("", "event", "material", "t", "p", "normal", "in", "out", "eta", "triangle"),
@@ -59,12 +59,12 @@ def _number(value: float, form: str) -> str:
 
 
 def _vector(values: Iterable[float], digits: int = 4) -> str:
-    numbers = [round(float(value), digits) + 0.0 for value in values]  # and no -0
+    numbers = [round(float(value), digits) + 0.0 for value in values]  # + 0.0 turns -0 into 0
     return "" if np.isnan(numbers).any() else " ".join(f"{value:.{digits}f}" for value in numbers)
 
 
 def as_text(table: Table) -> str:
-    """For a terminal; columns line up."""
+    """Format a table as text with aligned columns."""
     width = [max(len(row[k]) for row in (table.header, *table.rows)) for k in range(len(table.header))]
     lines = [
         "  ".join(cell.ljust(size) for cell, size in zip(row, width, strict=True)).rstrip()
@@ -74,7 +74,7 @@ def as_text(table: Table) -> str:
 
 
 def as_html(table: Table) -> str:
-    """For a notebook."""
+    """Format a table as HTML."""
     head = "".join(f"<th>{escape(cell)}</th>" for cell in table.header)
     rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows)
     caption = f'<caption style="text-align: left">{escape(table.title)}</caption>' if table.title else ""

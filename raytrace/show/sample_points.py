@@ -1,4 +1,4 @@
-"""``samples``: where a sampler puts the samples of a pixel, and what they look like along each side of it."""
+"""``samples``: positions of the samples in a pixel, and their projections on x and y."""
 
 from typing import Any
 
@@ -11,16 +11,16 @@ from raytrace.passes.camera import camera_rays
 from raytrace.passes.sampling import make_sampler
 from raytrace.records import Settings, View
 from raytrace.rendering.options import override, within
-from raytrace.show.drawing import BLUE, Drawing, sheet
+from raytrace.show.drawing import BLUE, Drawing, new_figure
 
-MOST = 1024  # points that are drawn
-AWAY = View(
+MAX_POINTS = 1024
+UNIT_VIEW = View(
     np.zeros(3), np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.zeros(2)
-)  # sees point (x, y) of the film along (x, y, 1)
+)  # point (x, y) of the film has direction (x, y, 1)
 
 
 def samples(sampler: str, spp: int, *, seed: int = 0, pixel: tuple[int, int] = (1, 1)) -> Drawing:
-    """Draw the samples of a pixel, and their projections on its sides.
+    """Draw the samples of a pixel and their projections on x and y.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def samples(sampler: str, spp: int, *, seed: int = 0, pixel: tuple[int, int] = (
         Samples per pixel, 1 .. 1024.
     seed : int
     pixel : (x, y)
-        Every pixel of a film has points of its own.
+        Column and row of the pixel; each pixel has different points.
 
     Returns
     -------
@@ -39,14 +39,14 @@ def samples(sampler: str, spp: int, *, seed: int = 0, pixel: tuple[int, int] = (
     Raises
     ------
     OptionError
-        An option that can't be met.
+        An invalid option.
     RaytraceError
         matplotlib isn't installed.
 
     Notes
     -----
-    The lines across the pixel cut it as evenly as spp cells allow; the strips above and beside it are cut in spp, and a
-    cut without a point is grey. A good sampler leaves few cells and cuts empty.
+    The lines divide the pixel into at least spp cells of equal size. The strips above and beside it are histograms with
+    spp intervals; an empty interval is grey. A good sampler leaves few cells and intervals empty.
 
     Examples
     --------
@@ -56,12 +56,12 @@ def samples(sampler: str, spp: int, *, seed: int = 0, pixel: tuple[int, int] = (
     >>> sorted(np.floor(16 * points[:, 0]).astype(int).tolist()) == list(range(16))
     True
     """
-    spp = within("spp", spp, 1, MOST)
+    spp = within("spp", spp, 1, MAX_POINTS)
     column, row = (within("pixel", number, 0, MAX_SIDE - 1) for number in pixel)
     settings = override(Settings((1, 1), 1, 1, "sobol", "float64", 0), spp, None, seed, None, sampler)
     points = points_of(settings, column, row)
     title = f"{sampler}: {spp} sample{'s' * (spp > 1)} of pixel ({column}, {row}), seed {seed}"
-    with sheet(8.0, 9.0) as figure:
+    with new_figure(8.0, 9.0) as figure:
         figure.set_layout_engine("none")  # the strips stand beside the pixel, whatever their labels
         figure.suptitle(title)
         _show(figure, points)
@@ -69,11 +69,11 @@ def samples(sampler: str, spp: int, *, seed: int = 0, pixel: tuple[int, int] = (
 
 
 def points_of(settings: Settings, column: int, row: int) -> NDArray[np.float64]:
-    """Positions of the samples of a pixel, by the kernel that makes rays of them: (spp, 2)."""
+    """Positions (spp, 2) of the samples of a pixel, computed by the kernel that makes camera rays."""
     sampler = make_sampler(settings.sampler, settings.seed, settings.spp)
     x, y = np.full(PACKET, column, np.uint32), np.full(PACKET, row, np.uint32)
     d = np.empty(3 * PACKET * settings.spp)
-    camera_rays(AWAY, sampler, x, y, np.array([0, settings.spp]), d)
+    camera_rays(UNIT_VIEW, sampler, x, y, np.array([0, settings.spp]), d)
     d = d.reshape(3, settings.spp, PACKET)[:, :, 0]
     return (d[:2] / d[2]).T - [column, row]
 
@@ -92,13 +92,13 @@ def _show(figure: Any, points: NDArray[np.float64]) -> None:
     axes.set(xlim=(0, 1), ylim=(1, 0), xlabel="x, pixels", ylabel="y, pixels")
     axes.spines[:].set_visible(True)
     bar, ticks = figure.add_axes((0.09, 0.085, 0.70, 0.02)), MaxNLocator(8, integer=True)
-    figure.colorbar(shown, cax=bar, orientation="horizontal", label="number of the sample", ticks=ticks)
+    figure.colorbar(shown, cax=bar, orientation="horizontal", label="index of the sample", ticks=ticks)
     _strip(figure.add_axes((0.09, 0.825, 0.70, 0.08)), points[:, 0], "x")
     _strip(figure.add_axes((0.805, 0.19, 0.09, 0.62)), points[:, 1], "y")
 
 
 def _strip(axes: Any, values: NDArray[np.float64], side: str) -> None:
-    """Points in each of as many cuts of a side; the empty ones are grey."""
+    """Draw a histogram with as many intervals as points; empty intervals are grey."""
     spp = len(values)
     counts = np.bincount(np.clip((values * spp).astype(np.int64), 0, spp - 1), minlength=spp)
     edges, empty, most = np.arange(spp) / spp, counts == 0, counts.max()
@@ -108,7 +108,7 @@ def _strip(axes: Any, values: NDArray[np.float64], side: str) -> None:
     bar(edges[empty], most, 1 / spp, color="#d4d4d4", **look)
     limits(0, most)
     axes.set(xlim=(0, 1), xticks=[], yticks=[most]) if side == "x" else axes.set(ylim=(1, 0), yticks=[], xticks=[most])
-    note = f"{side}: {np.count_nonzero(empty)} of {spp} cuts empty"
+    note = f"{side}: {np.count_nonzero(empty)} of {spp} intervals empty"
     if side == "x":
         axes.set_title(note, fontsize=13)
     else:

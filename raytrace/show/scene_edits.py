@@ -1,4 +1,4 @@
-"""What a hand may change of a scene, and the scene that comes of it: on the same trees, so that it is there at once."""
+"""Edits of a scene in the viewer, and the edited scene, which reuses the trees."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,41 +9,41 @@ import numpy as np
 from raytrace.records import REFRACTIVE, Scene
 from raytrace.rendering.compiled_scenes import set_compiled
 from raytrace.rendering.wavefront import recompiled
-from raytrace.show.orbit import turned
-from raytrace.show.scene_rays import Subject
+from raytrace.show.orbit import orbited
+from raytrace.show.prepared_scene import PreparedScene
 
 
-class Knobs(NamedTuple):
-    """Where the knobs stand."""
+class SceneEdits(NamedTuple):
+    """Values that the viewer can change, relative to the scene."""
 
-    azimuth: float = 0.0  # degrees, of the camera around what it looks at
-    elevation: float = 0.0  # degrees
-    distance: float = 1.0  # of the scene's own
-    power: float = 1.0  # by which all fluxes are multiplied
-    ior: Mapping[str, float] = {}  # by name of a refractive material
+    azimuth: float = 0.0  # degrees: rotation of the camera about the up vector
+    elevation: float = 0.0  # degrees: rotation of the camera towards the up vector
+    distance: float = 1.0  # factor for the distance of the camera
+    power: float = 1.0  # factor for all fluxes
+    ior: Mapping[str, float] = {}  # indices of refraction, by name of the material
     spp: int = 64
 
 
-def refractive(scene: Scene) -> dict[str, float]:
-    """Index of refraction of each material that has one."""
+def indices_of_refraction(scene: Scene) -> dict[str, float]:
+    """Index of refraction of each refractive material, by name."""
     materials = scene.materials
     rows = np.flatnonzero(materials.kind == REFRACTIVE)
     return {materials.name[row]: float(materials.ior[row]) for row in rows}
 
 
-def changed(subject: Subject, knobs: Knobs) -> Scene:
-    """The scene as the knobs have it; it holds size, samples and precision too, but no hash."""
-    scene = subject.scene
+def edited(prepared: PreparedScene, edits: SceneEdits) -> Scene:
+    """The scene with these edits, and with size, samples and precision as settings; its hash is empty."""
+    scene = prepared.scene
     ior = scene.materials.ior.copy()
-    for name, value in knobs.ior.items():
+    for name, value in edits.ior.items():
         ior[scene.materials.name.index(name)] = value
     new = replace(
         scene,
-        camera=turned(scene.camera, knobs.azimuth, knobs.elevation, knobs.distance),
-        lights=scene.lights._replace(flux=scene.lights.flux * knobs.power),
+        camera=orbited(scene.camera, edits.azimuth, edits.elevation, edits.distance),
+        lights=scene.lights._replace(flux=scene.lights.flux * edits.power),
         materials=scene.materials._replace(ior=ior),
-        settings=subject.settings._replace(spp=knobs.spp, precision=subject.stage.bvh.precision),
+        settings=prepared.settings._replace(spp=edits.spp, precision=prepared.compiled.bvh.precision),
     )
-    vars(new)["sha256"] = ""  # that of a large mesh takes longer than a frame
-    set_compiled(new, recompiled(subject.stage, new))
+    vars(new)["sha256"] = ""  # the hash of a large mesh takes longer than a frame
+    set_compiled(new, recompiled(prepared.compiled, new))
     return new

@@ -1,4 +1,4 @@
-"""``heatmap``: what the ray of each pixel costs in nodes visited and triangles tested."""
+"""``heatmap``: nodes visited and triangles tested by the ray of each pixel."""
 
 from typing import Any
 
@@ -8,11 +8,14 @@ from numpy.typing import NDArray
 from raytrace.accel import query
 from raytrace.accel.bundle import unbundled
 from raytrace.accel.bvh import BVH
+from raytrace.passes.camera import pinhole_directions
 from raytrace.records import Columns, Hits, Rays
-from raytrace.show.drawing import Drawing, sheet, show_picture
-from raytrace.show.scene_rays import LABELS, AnyScene, directions_through, make_subject, pixel_centres, tree_of
+from raytrace.show.drawing import Drawing, new_figure, show_image
+from raytrace.show.prepared_scene import LABELS, AnyScene, pixel_centres, prepare_scene, tree_of
 
-SHARE = 0.999  # of the pixels lie within the scale of colours: a few rays along an edge would darken all others
+SCALE_QUANTILE = (
+    0.999  # quantile at the top of the colour scale: otherwise a few rays along an edge would darken the rest
+)
 
 
 def heatmap(scene: AnyScene, size: tuple[int, int] | None = None, *, split: str = "sah") -> Drawing:
@@ -23,9 +26,9 @@ def heatmap(scene: AnyScene, size: tuple[int, int] | None = None, *, split: str 
     scene : Scene, str, Path or dict
         A loaded scene, a scene file, or its content.
     size : (width, height), pixels, optional
-        Default: what the scene says. A quarter of a million pixels take about two seconds.
+        Image size; default: the scene's. A quarter of a million pixels take about two seconds.
     split : {"sah", "median"}
-        How the tree is built.
+        Split method of the tree.
 
     Returns
     -------
@@ -35,17 +38,17 @@ def heatmap(scene: AnyScene, size: tuple[int, int] | None = None, *, split: str 
     Raises
     ------
     SceneError, FileError
-        As ``load`` does.
+        As for ``load``.
     OptionError, ValueError
-        A size or a split that can't be.
+        An invalid size or split.
     RaytraceError
         matplotlib isn't installed.
 
     Notes
     -----
-    Each ray goes through the centre of its pixel, to the nearest hit, and through the tree alone: ``render`` sends
-    packets of rays, which share visits. A ray visits a node by testing its eight boxes at once, and a leaf by testing
-    its eight triangles at once; places of a leaf that are empty count, as they cost as much. Shadow rays are left out.
+    Each ray goes through the centre of its pixel to the nearest hit. It is traced alone; ``render`` traces packets of
+    rays, which share visits. To visit a node, a ray tests its eight boxes at once; to visit a leaf, it tests its
+    eight triangles at once. Empty slots of a leaf are counted, because they cost the same. Shadow rays are not counted.
 
     Examples
     --------
@@ -54,14 +57,14 @@ def heatmap(scene: AnyScene, size: tuple[int, int] | None = None, *, split: str 
     >>> int(costs.data["nodes"].max()), int(costs.data["triangles"].min())
     (1, 8)
     """
-    subject = make_subject(scene, size)
-    width, height = subject.settings.size
-    tree = tree_of(subject, split)
-    directions = directions_through(subject.view, *pixel_centres(subject.settings.size))
-    counts = count_work(tree, subject.view.origin, directions)
+    prepared = prepare_scene(scene, size)
+    width, height = prepared.settings.size
+    tree = tree_of(prepared, split)
+    directions = pinhole_directions(prepared.view, *pixel_centres(prepared.settings.size))
+    counts = count_work(tree, prepared.view.origin, directions)
     data = {name: counts[:, k].reshape(height, width) for k, name in enumerate(("nodes", "triangles"))}
-    title = f"{subject.name}: what the ray of each pixel costs in the {LABELS[split]} tree"
-    with sheet(12, 5.8 * height / width + 2.0) as figure:
+    title = f"{prepared.name}: cost of each pixel's ray in the {LABELS[split]} tree"
+    with new_figure(12, 5.8 * height / width + 2.0) as figure:
         figure.suptitle(title)
         _show(figure, data)
     return Drawing(title, data, figure)
@@ -72,22 +75,22 @@ def _show(figure: Any, data: dict[str, NDArray[np.int64]]) -> None:
 
     words = {"nodes": "nodes visited", "triangles": "triangles tested, eight at a time"}
     for axes, (name, counts) in zip(figure.subplots(1, 2), data.items(), strict=True):
-        top = max(int(np.ceil(np.quantile(counts, SHARE))), 1)
-        shown = show_picture(axes, counts, cmap="inferno", vmin=0, vmax=top)
-        axes.set_title(f"{words[name]}: mean {counts.mean():.1f}, most {counts.max()}")
+        top = max(int(np.ceil(np.quantile(counts, SCALE_QUANTILE))), 1)
+        shown = show_image(axes, counts, cmap="inferno", vmin=0, vmax=top)
+        axes.set_title(f"{words[name]}: mean {counts.mean():.1f}, maximum {counts.max()}")
         beyond = "max" if counts.max() > top else "neither"
         ticks = MaxNLocator(8, integer=True)
         figure.colorbar(shown, ax=axes, location="bottom", label=f"{name} per ray", ticks=ticks, extend=beyond)
 
 
 def count_work(bvh: BVH, origin: NDArray[np.floating], directions: NDArray[np.floating]) -> NDArray[np.int64]:
-    """Nodes visited and triangles tested by each ray, traced alone: (n, 2).
+    """Numbers of nodes visited and triangles tested by each ray, traced alone: (n, 2).
 
     Parameters
     ----------
     bvh : BVH
     origin : (3,) f array, world units
-        All rays begin here.
+        Origin of all rays.
     directions : (n, 3) f array
     """
     dtype, n = bvh.triangles.dtype, len(directions)
@@ -95,7 +98,7 @@ def count_work(bvh: BVH, origin: NDArray[np.floating], directions: NDArray[np.fl
     o, d = Columns(np.array(origin, dtype), 0, 0, 1), np.array(directions, dtype).ravel()
     tmin, tmax = Columns(np.zeros(1, dtype), 0, 0, 0), Columns(np.full(1, np.inf, dtype), 0, 0, 0)
     tree, work, counts = unbundled(bvh.tree), bvh.work(), np.empty((n, 2), np.int64)
-    for k in range(n):  # 8 microseconds a ray, most of them the call
+    for k in range(n):  # 8 microseconds per ray, most of it for the call
         work.counts[:] = 0
         query.closest_hit(tree, Rays(o, Columns(d, 3 * k, 3, 1), tmin, tmax), hit, 1, work)
         counts[k] = work.counts

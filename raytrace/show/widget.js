@@ -1,15 +1,15 @@
-// The browser's half of rt.show.live: a hand on the picture and on sliders; Python draws.
+// The browser part of rt.show.live: handles the mouse, keys and sliders, and displays the images that Python renders.
 
-const DEGREES = 0.5; // a pixel of the hand's way
-const STEP = 5; // degrees, an arrow key
-const ZOOM = 0.0015; // of the wheel's way, natural logarithm of distance
-const DISTANCES = [0.1, 10]; // of the scene's own
-const CLICK = 4; // pixels of the hand's way that are still a click
-const AHEAD = 2; // pictures on their way: one is drawn while the other one is sent and shown
-const PATIENCE = 2000; // ms until a picture that doesn't come is waited for no more
-const LARGE = 512; // pixels of the screen that the longer side of the picture takes, about
-const MANY = 16; // pictures of a hand that moves by which their pace is told
-const PAUSE = 400; // ms without a new picture after which a hand rests
+const DEGREES = 0.5; // rotation per pixel of dragging
+const STEP = 5; // degrees per arrow key
+const ZOOM = 0.0015; // natural logarithm of the distance factor, per unit of the wheel
+const DISTANCES = [0.1, 10]; // limits of the distance factor
+const CLICK = 4; // pixels: a shorter drag is a click
+const AHEAD = 2; // requests in flight: one image is rendered while the other is sent and displayed
+const TIMEOUT = 2000; // ms after which a missing image is no longer waited for
+const LARGE = 512; // approximate size of the longer side of the canvas, CSS pixels
+const FRAMES = 16; // images during a drag over which the frame rate is averaged
+const PAUSE = 400; // ms without a new image after which a drag is over
 
 function element(kind, parent, properties = {}) {
   const made = Object.assign(document.createElement(kind), properties);
@@ -17,12 +17,12 @@ function element(kind, parent, properties = {}) {
   return made;
 }
 
-// Sends what has changed, but only while few pictures are still on their way: no queue builds up, and none is stale.
-class Line {
+// Sends changes to Python while fewer than AHEAD requests are in flight: no queue builds up, and no image is outdated.
+class ChangeSender {
   constructor(model) {
     this.model = model;
     this.changes = null;
-    this.sent = this.shown = model.get("turn"); // newest turn that was sent, and whose picture is here
+    this.sent = this.shown = model.get("turn"); // newest turn that was sent, and the newest whose image has arrived
   }
 
   set(changes) {
@@ -30,7 +30,7 @@ class Line {
     this.flush();
   }
 
-  // the newest value of a knob, sent or not
+  // the newest value of a control, sent or not
   get(name) {
     return this.changes?.[name] ?? this.model.get(name);
   }
@@ -42,7 +42,7 @@ class Line {
   flush() {
     if (this.changes === null || this.sent - this.shown >= AHEAD) return;
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.arrived(this.sent), PATIENCE);
+    this.timer = setTimeout(() => this.arrived(this.sent), TIMEOUT);
     this.sent = this.model.get("turn") + 1;
     this.model.set({ ...this.changes, turn: this.sent });
     this.changes = null;
@@ -55,65 +55,65 @@ class Line {
   }
 }
 
-function slider(knobs, line, { label, low, high, step, read, write, tell }) {
-  const row = element("label", knobs, { textContent: label });
-  const input = element("input", row, { type: "range", min: low, max: high, step }); // first: it is what is labelled
+function slider(controls, sender, { label, low, high, step, read, write, format }) {
+  const row = element("label", controls, { textContent: label });
+  const input = element("input", row, { type: "range", min: low, max: high, step }); // first child: the label refers to it
   const output = element("output", row);
   input.oninput = () => {
-    line.set(write(Number(input.value)));
-    output.value = tell();
+    sender.set(write(Number(input.value)));
+    output.value = format();
   };
   return () => {
     input.value = read();
-    output.value = tell();
+    output.value = format();
   };
 }
 
-function sliders(knobs, line, model) {
+function sliders(controls, sender, model) {
   const made = [];
-  const add = (options) => made.push(slider(knobs, line, options));
+  const add = (options) => made.push(slider(controls, sender, options));
   if (model.get("lights") > 0)
     add({
       label: "light", low: -4, high: 4, step: 0.05, // powers of two
-      read: () => Math.log2(line.get("power")),
+      read: () => Math.log2(sender.get("power")),
       write: (stops) => ({ power: 2 ** stops }),
-      tell: () => `× ${line.get("power").toPrecision(3)}`,
+      format: () => `× ${sender.get("power").toPrecision(3)}`,
     });
   for (const [name, ior] of Object.entries(model.get("ior")))
     add({
       label: `index of ${name}`, low: Math.min(0.4, ior), high: Math.max(2.6, ior), step: 0.01,
-      read: () => line.get("ior")[name],
-      write: (value) => ({ ior: { ...line.get("ior"), [name]: value } }),
-      tell: () => line.get("ior")[name].toFixed(2),
+      read: () => sender.get("ior")[name],
+      write: (value) => ({ ior: { ...sender.get("ior"), [name]: value } }),
+      format: () => sender.get("ior")[name].toFixed(2),
     });
   add({
-    label: "samples a pixel", low: 0, high: 10, step: 1,
-    read: () => Math.log2(line.get("spp")),
+    label: "samples per pixel", low: 0, high: 10, step: 1,
+    read: () => Math.log2(sender.get("spp")),
     write: (power) => ({ spp: 2 ** power }),
-    tell: () => `${line.get("spp")}`,
+    format: () => `${sender.get("spp")}`,
   });
   return made;
 }
 
-// Drag to turn, wheel to come nearer, click to choose a pixel; or arrow keys, + and -.
-function listen(canvas, line, reach, choose) {
+// Drag to rotate, wheel to zoom, click to choose a pixel; or arrow keys, + and -.
+function listen(canvas, sender, limits, choose) {
   const within = (value, [low, high]) => Math.min(Math.max(value, low), high);
   const turn = (right, up) =>
-    line.set({ azimuth: line.get("azimuth") + right, elevation: within(line.get("elevation") + up, reach) });
+    sender.set({ azimuth: sender.get("azimuth") + right, elevation: within(sender.get("elevation") + up, limits) });
   const move = (logarithm) =>
-    line.set({ distance: within(line.get("distance") * Math.exp(logarithm), DISTANCES) });
-  let way = 0; // of the hand since it went down
+    sender.set({ distance: within(sender.get("distance") * Math.exp(logarithm), DISTANCES) });
+  let dragged = 0; // pixels since the button was pressed
   canvas.onpointerdown = (event) => {
-    way = 0;
+    dragged = 0;
     canvas.setPointerCapture(event.pointerId);
   };
   canvas.onpointermove = (event) => {
     if (!canvas.hasPointerCapture(event.pointerId)) return;
-    way += Math.abs(event.movementX) + Math.abs(event.movementY);
-    if (way > CLICK) turn(-DEGREES * event.movementX, DEGREES * event.movementY);
+    dragged += Math.abs(event.movementX) + Math.abs(event.movementY);
+    if (dragged > CLICK) turn(-DEGREES * event.movementX, DEGREES * event.movementY);
   };
   canvas.onpointerup = (event) => {
-    if (way <= CLICK) choose(event.offsetX / canvas.clientWidth, event.offsetY / canvas.clientHeight);
+    if (dragged <= CLICK) choose(event.offsetX / canvas.clientWidth, event.offsetY / canvas.clientHeight);
   };
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
@@ -127,7 +127,7 @@ function listen(canvas, line, reach, choose) {
   canvas.onkeydown = (event) => {
     if (!(event.key in keys)) return;
     event.preventDefault();
-    event.stopPropagation(); // the notebook would move to another cell
+    event.stopPropagation(); // otherwise the notebook would select another cell
     keys[event.key]();
   };
 }
@@ -136,71 +136,70 @@ function render({ model, el }) {
   const [width, height] = model.get("size");
   const scale = Math.max(Math.round(LARGE / Math.max(width, height)), 1);
   const root = element("div", el, { className: "raytrace-viewer" });
-  const hand = element("div", root, { className: "hand" });
-  const picture = element("div", hand, { className: "picture" });
-  const canvas = element("canvas", picture, { width, height, tabIndex: 0, title: model.get("about") });
+  const main = element("div", root, { className: "main" });
+  const view = element("div", main, { className: "view" });
+  const canvas = element("canvas", view, { width, height, tabIndex: 0, title: model.get("about") });
   canvas.style.width = `${scale * width}px`;
-  canvas.style.height = `${scale * height}px`;
-  const mark = element("div", picture, { className: "mark", hidden: true });
-  const knobs = element("div", hand, { className: "knobs" });
+  const mark = element("div", view, { className: "mark", hidden: true });
+  const controls = element("div", main, { className: "controls" });
   const path = element("div", root, { className: "path" });
 
-  const line = new Line(model);
-  const shown = sliders(knobs, line, model);
-  const reset = element("button", knobs, { textContent: "as in the file" });
-  const status = element("div", knobs, { className: "status" });
-  element("div", knobs, { className: "note", textContent: "Drag to turn, wheel to zoom, click for a pixel's path." });
+  const sender = new ChangeSender(model);
+  const shown = sliders(controls, sender, model);
+  const reset = element("button", controls, { textContent: "Reset" });
+  const status = element("div", controls, { className: "status" });
+  element("div", controls, { className: "note", textContent: "Drag to rotate, wheel to zoom, click a pixel to show its path." });
   const update = () => {
-    if (line.changes === null) shown.forEach((show) => show());
+    if (sender.changes === null) shown.forEach((show) => show());
   };
   const first = { azimuth: 0, elevation: 0, distance: 1, power: 1, ior: model.get("first_ior") };
   reset.onclick = () => {
-    line.set(first);
+    sender.set(first);
     update();
   };
-  listen(canvas, line, model.get("reach"), (right, down) => {
+  listen(canvas, sender, model.get("elevation_limits"), (right, down) => {
     const pixel = [Math.floor(right * width), Math.floor(down * height)];
-    mark.style.left = `${scale * (pixel[0] + 0.5)}px`;
-    mark.style.top = `${scale * (pixel[1] + 0.5)}px`;
+    mark.style.left = `${(100 * (pixel[0] + 0.5)) / width}%`;
+    mark.style.top = `${(100 * (pixel[1] + 0.5)) / height}%`;
     mark.hidden = false;
-    path.textContent = `following pixel (${pixel[0]}, ${pixel[1]}) ...`;
+    path.textContent = `tracing pixel (${pixel[0]}, ${pixel[1]}) ...`;
     model.send({ kind: "path", pixel });
   });
 
-  const times = []; // ms: of the last pictures of a hand that moves
+  const times = []; // ms: times of the last images during a drag
   const paint = async ({ type, samples, turn }, data) => {
     const bitmap = await createImageBitmap(new Blob([data], { type }));
     canvas.getContext("2d").drawImage(bitmap, 0, 0);
-    const now = performance.now(), moving = line.moving();
+    const now = performance.now(), moving = sender.moving();
     if (now - times.at(-1) > PAUSE) times.length = 0;
     if (moving) times.push(now);
-    if (!moving || times.length === MANY) {
-      status.textContent = `${samples < 10 ? samples.toFixed(1) : Math.round(samples)} samples a pixel`;
-      if (moving) status.textContent += `, ${Math.round((1000 * (MANY - 1)) / (now - times[0]))} frames/s`;
+    if (!moving || times.length === FRAMES) {
+      status.textContent = `${samples < 10 ? samples.toFixed(1) : Math.round(samples)} samples per pixel`;
+      if (moving) status.textContent += `, ${Math.round((1000 * (FRAMES - 1)) / (now - times[0]))} frames/s`;
       times.length = 0;
     }
-    canvas.dataset.frames = Number(canvas.dataset.frames ?? 0) + (turn > line.shown); // that followed the hand
+    canvas.dataset.frames = Number(canvas.dataset.frames ?? 0) + (turn > sender.shown); // images that answer a change
     Object.assign(canvas.dataset, { samples, turn, type });
-    line.arrived(turn);
+    sender.arrived(turn);
   };
-  let last = Promise.resolve(); // pictures are painted in the order in which they come
-  const hear = (message, buffers) => {
+  let last = Promise.resolve(); // images are painted in the order of their arrival
+  const receive = (message, buffers) => {
     if (message.kind === "frame") last = last.then(() => paint(message, buffers[0]));
     if (message.kind === "path") path.innerHTML = message.html;
-    if (message.kind === "trouble") status.textContent = path.textContent = message.text;
+    if (message.kind === "error") status.textContent = path.textContent = message.text;
   };
   const moved = () => {
     if (!mark.hidden) mark.hidden = true;
   };
-  const places = "change:azimuth change:elevation change:distance", values = "change:power change:ior change:spp";
-  model.on("msg:custom", hear);
-  model.on(places, moved);
+  const camera = "change:azimuth change:elevation change:distance", values = "change:power change:ior change:spp";
+  model.on("msg:custom", receive);
+  model.on(camera, moved);
   model.on(values, update);
   update();
-  model.send({ kind: "draw" });
+  model.send({ kind: "render" });
   return () => {
-    model.off("msg:custom", hear);
-    model.off(places, moved);
+    model.off("msg:custom", receive);
+    model.off(camera, moved);
     model.off(values, update);
   };
 }

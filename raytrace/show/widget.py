@@ -1,4 +1,4 @@
-"""``Viewer``: the widget that ``live`` gives. The browser's half is widget.js."""
+"""``Viewer``: the widget that ``live`` returns; widget.js is its part in the browser."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,31 +11,31 @@ from raytrace.errors import RaytraceError
 from raytrace.limits import MAX_SPP
 from raytrace.records import Scene
 from raytrace.rendering.rendering import render
-from raytrace.show.background_renderer import Artist, Frame
-from raytrace.show.orbit import reach
+from raytrace.show.background_renderer import BackgroundRenderer, EncodedImage
+from raytrace.show.orbit import elevation_limits
 from raytrace.show.path_drawing import path
-from raytrace.show.scene_edits import Knobs, changed, refractive
-from raytrace.show.scene_rays import Subject
+from raytrace.show.prepared_scene import PreparedScene
+from raytrace.show.scene_edits import SceneEdits, edited, indices_of_refraction
 
-STILL = 16  # samples a pixel of the picture that stands in where widgets do not run
-CLOSEST, FARTHEST = 0.05, 20.0  # distances, of the scene's own
+STILL_SPP = 16  # samples per pixel of the static image for front ends without widgets
+CLOSEST, FARTHEST = 0.05, 20.0  # limits of ``distance``
 
 
 class Viewer(AnyWidget):
-    """A scene in the hand; made by ``rt.show.live``.
+    """An interactive viewer of a scene; made by ``rt.show.live``.
 
     Attributes
     ----------
     azimuth, elevation : float, degrees
-        How far the camera has been turned around what it looks at.
+        Rotation of the camera around the point that it looks at.
     distance : float
-        Of the camera from there, in its first distance.
+        Factor for the distance of the camera from that point.
     power : float
-        By which all fluxes are multiplied.
+        Factor for all fluxes.
     ior : dict of str to float
-        Index of refraction by name of a material; all others stay.
+        Index of refraction by name of a material; materials that are not named keep theirs.
     spp : int
-        Samples per pixel when the hand rests.
+        Samples per pixel of the final image.
 
     Examples
     --------
@@ -54,25 +54,29 @@ class Viewer(AnyWidget):
     power = Float(1.0, min=0.0).tag(sync=True)
     ior = Dict().tag(sync=True)
     spp = Int(64, min=1, max=MAX_SPP).tag(sync=True)
-    turn = Int().tag(sync=True)  # counts what the browser has asked for
+    turn = Int().tag(sync=True)  # number of changes that the browser has sent
     size = List(Int()).tag(sync=True)
-    reach = List(Float()).tag(sync=True)  # least and largest elevation
+    elevation_limits = List(Float()).tag(sync=True)  # smallest and largest elevation
     lights = Int().tag(sync=True)
     first_ior = Dict().tag(sync=True)
     about = Unicode().tag(sync=True)
 
-    def __init__(self, subject: Subject, spp: int) -> None:
-        scene = subject.scene
-        self._subject, self._own = subject, refractive(scene)
-        self._artist = Artist(self._begin, self._frame, self._trouble)
-        about = {"about": scene.about, "lights": len(scene.lights.flux), "reach": reach(scene.camera)}
-        super().__init__(spp=spp, ior=self._own, first_ior=self._own, size=subject.settings.size, **about)
-        self.observe(lambda _: self._artist.draw(), list(Knobs._fields))
-        self.on_msg(self._hear)
+    def __init__(self, prepared: PreparedScene, spp: int) -> None:
+        scene = prepared.scene
+        self._prepared, self._own = prepared, indices_of_refraction(scene)
+        self._renderer = BackgroundRenderer(self._begin, self._send_frame, self._send_error)
+        about = {
+            "about": scene.about,
+            "lights": len(scene.lights.flux),
+            "elevation_limits": elevation_limits(scene.camera),
+        }
+        super().__init__(spp=spp, ior=self._own, first_ior=self._own, size=prepared.settings.size, **about)
+        self.observe(lambda _: self._renderer.request(), list(SceneEdits._fields))
+        self.on_msg(self._receive)
 
     @validate("ior")
     def _check_ior(self, proposal: Any) -> dict[str, float]:
-        """Keep what isn't given as it is in the scene."""
+        """Check the indices; materials that are not given keep the index of the scene."""
         for name, value in proposal["value"].items():
             if name not in self._own:
                 raise TraitError(f"ior: no refractive material {name!r}; there are {', '.join(self._own) or 'none'}")
@@ -82,42 +86,42 @@ class Viewer(AnyWidget):
 
     @property
     def scene(self) -> Scene:
-        """The scene as it is shown, with size and samples: draw it with ``rt.render(viewer.scene)``."""
-        return replace(self._now())  # which has a hash
+        """The scene as displayed, with size and samples: ``rt.render(viewer.scene)`` renders it."""
+        return replace(self._now())  # the copy computes its hash
 
     def _begin(self) -> Scene:
-        """What the artist is to draw."""
-        self._drawn = self.turn
+        """The scene to render, at the start of a render."""
+        self._rendered_turn = self.turn
         return self._now()
 
     def _now(self) -> Scene:
-        return changed(self._subject, Knobs(*(getattr(self, name) for name in Knobs._fields)))
+        return edited(self._prepared, SceneEdits(*(getattr(self, name) for name in SceneEdits._fields)))
 
-    def _hear(self, _viewer: Any, message: dict[str, Any], _buffers: Any) -> None:
-        """Do what the browser asks for."""
-        if message["kind"] == "draw":
-            self._artist.draw()
+    def _receive(self, _viewer: Any, message: dict[str, Any], _buffers: Any) -> None:
+        """Handle a message from the browser."""
+        if message["kind"] == "render":
+            self._renderer.request()
         elif message["kind"] == "path":
             try:
                 self.send({"kind": "path", "html": path(self._now(), tuple(message["pixel"]))._repr_html_()})
             except RaytraceError as error:
-                self._trouble(error)
+                self._send_error(error)
             except Exception as error:
-                self._trouble(error)
+                self._send_error(error)
                 raise
 
-    def _frame(self, frame: Frame) -> None:
-        about = {"type": frame.kind, "samples": frame.samples, "turn": self._drawn}
+    def _send_frame(self, frame: EncodedImage) -> None:
+        about = {"type": frame.kind, "samples": frame.samples, "turn": self._rendered_turn}
         self.send({"kind": "frame", **about}, [frame.data])
 
-    def _trouble(self, error: Exception) -> None:
-        self.send({"kind": "trouble", "text": str(error)})
+    def _send_error(self, error: Exception) -> None:
+        self.send({"kind": "error", "text": str(error)})
 
     def __repr__(self) -> str:
-        return f"<Viewer of {self._subject.name}: {self.size[0]}x{self.size[1]}, {self.spp} spp>"
+        return f"<Viewer of {self._prepared.name}: {self.size[0]}x{self.size[1]}, {self.spp} spp>"
 
     def _repr_mimebundle_(self, **options: Any) -> Any:
-        """What a notebook shows, and keeps: the widget, and a picture for where widgets do not run."""
+        """Output for a notebook: the widget, and a static image for front ends without widgets."""
         data, about = super()._repr_mimebundle_(**options) or ({}, {})
-        still = render(self._now(), spp=min(self.spp, STILL), progress=False)
+        still = render(self._now(), spp=min(self.spp, STILL_SPP), progress=False)
         return data | {"image/png": still._repr_png_()}, about

@@ -21,8 +21,9 @@ from raytrace.output_folder import check_folder
 from raytrace.records import Scene
 from raytrace.reporting import measure
 from raytrace.reporting.analysis import needed
-from raytrace.reporting.configurations import SPP, Configuration, Subject, steps_of
-from raytrace.reporting.measure import Point, Sweep
+from raytrace.reporting.configurations import SPP, Configuration, ConfiguredScene, steps_of
+from raytrace.reporting.measure import Sweep
+from raytrace.reporting.measurements import Point
 from raytrace.reporting.reference import make_reference
 from raytrace.reporting.sweep import written
 
@@ -47,13 +48,13 @@ class PeerSubject:
     table_bytes = 0  # its memory is not Python's, and unknown
 
     def __init__(self, scene: Scene, way: Configuration, size: tuple[int, int]) -> None:
-        self.way, self.size = way, size
+        self.configuration, self.size = way, size
         self._picture = peer_picture(scene, size, way.sampler.removeprefix(PEER))
 
-    def draw(self, step: float, seed: int) -> Any:
+    def render(self, step: float, seed: int) -> Any:
         """Draw one picture, and say of it what ``Render`` says; its rays are not counted."""
         spp = int(step)
-        if self.way.sampler.endswith("orthogonal"):  # it wants the square of a prime
+        if self.configuration.sampler.endswith("orthogonal"):  # it wants the square of a prime
             spp = next(prime**2 for prime in (2, 3, 5, 7, 11, 13, 17, 19, 23) if prime**2 >= step)
         rgb = self._picture(spp, seed).numpy().reshape(*self.size[::-1], 3)
         stats = {"compile_seconds": 0.0, "rays": {}, "samples": spp * rgb.shape[0] * rgb.shape[1]}
@@ -61,7 +62,7 @@ class PeerSubject:
 
 
 def subject(scene: Scene, way: Configuration, size: tuple[int, int]) -> Any:
-    return (PeerSubject if way.sampler.startswith(PEER) else Subject)(scene, way, size)
+    return (PeerSubject if way.sampler.startswith(PEER) else ConfiguredScene)(scene, way, size)
 
 
 def steps(way: Configuration) -> tuple[float, ...]:
@@ -83,7 +84,7 @@ def sweep(scene: Scene, size: tuple[int, int], folder: Path, ways: list[Configur
 
 def ratios(points: list[Point]) -> list[dict[str, Any]]:
     """For each error: least seconds of ours and of the peer's best sampler, between points on logarithmic axes."""
-    curves = {way: [p for p in points if p.way == way] for way in {p.way for p in points}}
+    curves = {way: [p for p in points if p.configuration == way] for way in {p.configuration for p in points}}
     rows = []
     for error in ERRORS:
         found = {way: need for way, curve in curves.items() if (need := needed(curve, error))}
@@ -160,7 +161,7 @@ def options() -> Namespace:
 
 def main() -> None:
     args, found = options(), begin()
-    measure.ROUNDS, measure.steps_of = args.rounds, steps
+    measure.REPETITIONS, measure.steps_of = args.rounds, steps
     peers, missing = available()
     samplers = args.peer_samplers if Mitsuba in peers else ()
     if not samplers:
@@ -176,7 +177,7 @@ def main() -> None:
         plot(content, folder / "error.png")
         rows = ratios(points)
         table(["way", *map(str, COUNTS)],
-              ([way.name, *(told(p) for p in points if p.way == way and p.step in COUNTS)]
+              ([way.name, *(told(p) for p in points if p.configuration == way and p.step in COUNTS)]
                for way in ways if not way.adaptive))  # fmt: skip
         table(list(rows[0]), (list(row.values()) for row in rows))
         table(["way", "order", "low", "high"],

@@ -1,31 +1,31 @@
-"""Other ray tracers behind the face of ``tracers``, those that are installed; each is imported when it is asked for."""
+"""Other ray tracers with the interface ``Tracer``; each is imported only when it is used."""
 
 import os
 from collections.abc import Iterator
 from importlib import import_module, metadata
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.hardcases.judge import Flags, Query
+from raytrace.hardcases.judge import Flags, RayQuery
 from raytrace.hardcases.shadows import LightQuery
 from raytrace.hardcases.tracers import Lit, Reals, Tracer
 from raytrace.records import Hits
 
-WHOLE = 256  # of [Waechter2019]: ulps that an origin is moved by
-NEAR = 1 / 32  # ... unless a coordinate is smaller than that ...
-SMALL = 2.0**-16  # ... which is moved by so much, in float32; in float64 by 2^29 times less, as its epsilon is
+WHOLE = 256  # offset of an origin in ulps   [Waechter2019]
+NEAR = 1 / 32  # coordinates below this have a constant offset instead ...
+SMALL = 2.0**-16  # ... of this size in float32; in float64 smaller by 2^29, the ratio of the machine epsilons
 
 
-def mesh_of(made: Query | LightQuery) -> tuple[Reals, NDArray[np.int32]]:
-    """Contiguous vertices and faces."""
-    return np.ascontiguousarray(made.vertices), np.ascontiguousarray(made.faces, np.int32)
+def mesh_of(query: RayQuery | LightQuery) -> tuple[Reals, NDArray[np.int32]]:
+    """Vertices and faces as contiguous arrays."""
+    return np.ascontiguousarray(query.vertices), np.ascontiguousarray(query.faces, np.int32)
 
 
 def offset(p: Reals, n: Reals) -> Reals:
-    """Origins moved along n off a surface: whole numbers added to the bits of the floats [Waechter2019]."""
+    """Origins moved along n off a surface, by adding integers to the bits of the floats [Waechter2019]."""
     whole = np.int32 if p.dtype == np.float32 else np.int64
     steps = np.where(p < 0, -WHOLE * n, WHOLE * n).astype(whole)
     moved = np.add(np.ascontiguousarray(p).view(whole), steps).view(p.dtype)
@@ -33,24 +33,32 @@ def offset(p: Reals, n: Reals) -> Reals:
     return np.where(np.abs(p) < NEAR, p + p.dtype.type(small) * n, moved)
 
 
-def shadow_rays(hits: Hits, query: LightQuery) -> tuple[Flags, Reals, Reals]:
-    """What was hit, and shadow rays for tracers that offer none: origins, and directions to the light at t = 1."""
+class MovedShadowRays(NamedTuple):
+    """Shadow rays of tracers that do not make their own."""
+
+    found: Flags  # (n,): whether the camera ray hit a point
+    o: Reals  # (n, 3), world units
+    d: Reals  # (n, 3): to the light, which is at t = 1
+
+
+def moved_shadow_rays(hits: Hits, query: LightQuery) -> MovedShadowRays:
+    """Make shadow rays for tracers that do not make their own."""
     found = hits.prim_id >= 0
     a, b, c = (query.vertices[query.faces[np.where(found, hits.prim_id, 0), k]] for k in range(3))
     u, v = hits.u[:, None], hits.v[:, None]
     p = (1 - u - v) * a + u * b + v * c
-    n = np.cross((b - a).astype(np.float64), c - a)  # squares of it leave float32's range
+    n = np.cross((b - a).astype(np.float64), c - a)  # its squares may overflow in float32
     n /= np.sqrt((n**2).sum(axis=1, keepdims=True))
     n = np.where(((query.light - p) * n).sum(axis=1, keepdims=True) < 0, -n, n).astype(p.dtype)
     start = offset(p, n)
-    return found, start, query.light - start
+    return MovedShadowRays(found, start, query.light - start)
 
 
-class Peer:
-    """What peers share: they hit or miss rays, and know nothing of tmin."""
+class OtherTracer:
+    """Base class of other ray tracers: they have no tmin."""
 
     name, interval, exact = "", False, False
-    modules: tuple[str, ...] = ()  # that it needs; the first is named as its package
+    modules: tuple[str, ...] = ()  # required modules; the first has the name of its package
     dtype: np.dtype = np.dtype(np.float32)
 
     def __init__(self) -> None:
@@ -60,27 +68,27 @@ class Peer:
         self.version = metadata.version(self.modules[0])
 
     def check_installed(self) -> None:
-        """Raise ImportError, with what to install, where a package is missing."""
+        """Raise ImportError with an install command if a package is missing."""
         missing = [module for module in self.modules if find_spec(module) is None]
         if missing:
             raise ImportError(f"not installed; pip install {' '.join(missing)}")
 
-    def nearest(self, asked: Query) -> Iterator[Hits]:
+    def nearest(self, query: RayQuery) -> Iterator[Hits]:
         """Nearest hits."""
-        yield self.closest(self.scene(asked), asked.o, asked.d)
+        yield self.closest(self.scene(query), query.o, query.d)
 
-    def blocked(self, asked: Query) -> Iterator[Flags]:
+    def blocked(self, query: RayQuery) -> Iterator[Flags]:
         """Whether anything is hit."""
-        yield self.any(self.scene(asked), asked.o, asked.d, np.inf)
+        yield self.any(self.scene(query), query.o, query.d, np.inf)
 
-    def shadows(self, asked: LightQuery) -> Iterator[Lit]:
-        """Shadow rays from origins moved by [Waechter2019]."""
-        scene = self.scene(asked)
-        found, o, d = shadow_rays(self.closest(scene, asked.o, asked.d), asked)
-        yield Lit(found, self.any(scene, o, d, 1.0))
+    def shadows(self, query: LightQuery) -> Iterator[Lit]:
+        """Trace shadow rays whose origins are moved as in [Waechter2019]."""
+        scene = self.scene(query)
+        rays = moved_shadow_rays(self.closest(scene, query.o, query.d), query)
+        yield Lit(rays.found, self.any(scene, rays.o, rays.d, 1.0))
 
-    def scene(self, made: Query | LightQuery) -> Any:
-        """The mesh as the peer knows it."""
+    def scene(self, query: RayQuery | LightQuery) -> Any:
+        """Build the tracer's own scene from a mesh."""
         raise NotImplementedError
 
     def closest(self, scene: Any, o: Reals, d: Reals) -> Hits:
@@ -92,14 +100,14 @@ class Peer:
         raise NotImplementedError
 
 
-class Open3D(Peer):
-    """Embree, as Open3D sets it up: robust."""
+class Open3D(OtherTracer):
+    """Embree in Open3D, which uses its robust mode."""
 
     name, modules = "Open3D", ("open3d",)
 
-    def scene(self, made: Query | LightQuery) -> Any:  # noqa: D102
+    def scene(self, query: RayQuery | LightQuery) -> Any:  # noqa: D102
         open3d = import_module("open3d")
-        vertices, faces = mesh_of(made)
+        vertices, faces = mesh_of(query)
         scene = open3d.t.geometry.RaycastingScene()
         scene.add_triangles(open3d.core.Tensor(vertices), open3d.core.Tensor(faces.astype(np.uint32)))
         return scene
@@ -118,14 +126,14 @@ class Open3D(Peer):
         return import_module("open3d").core.Tensor(np.concatenate([o, d], axis=1))
 
 
-class Embreex(Peer):
-    """Embree, as embreex sets it up."""
+class Embreex(OtherTracer):
+    """Embree in embreex."""
 
     name, modules = "embreex", ("embreex",)
 
-    def scene(self, made: Query | LightQuery) -> Any:  # noqa: D102
+    def scene(self, query: RayQuery | LightQuery) -> Any:  # noqa: D102
         scene = import_module("embreex.rtcore_scene").EmbreeScene()
-        return scene, import_module("embreex.mesh_construction").TriangleMesh(scene, *mesh_of(made))
+        return scene, import_module("embreex.mesh_construction").TriangleMesh(scene, *mesh_of(query))
 
     def closest(self, scene: Any, o: Reals, d: Reals) -> Hits:  # noqa: D102
         far = np.full(len(o), np.inf, np.float32)
@@ -137,8 +145,8 @@ class Embreex(Peer):
         return np.asarray(scene[0].run(o.copy(), d.copy(), dists=far, query="OCCLUDED")) >= 0
 
 
-class Mitsuba(Peer):
-    """Embree behind Mitsuba's own rays, points and offsets, in the variant that runs compiled on the CPU."""
+class Mitsuba(OtherTracer):
+    """Embree in Mitsuba, with Mitsuba's own rays and offsets; the LLVM variant, compiled for the CPU."""
 
     name, modules, robust = "Mitsuba", ("mitsuba",), False
 
@@ -150,8 +158,8 @@ class Mitsuba(Peer):
         self.mi = import_module("mitsuba")
         self.mi.set_variant("llvm_ad_rgb")
 
-    def scene(self, made: Query | LightQuery) -> Any:  # noqa: D102
-        vertices, faces = mesh_of(made)
+    def scene(self, query: RayQuery | LightQuery) -> Any:  # noqa: D102
+        vertices, faces = mesh_of(query)
         shape = self.mi.Mesh("mesh", len(vertices), len(faces))
         parameters = self.mi.traverse(shape)
         parameters["vertex_positions"] = self.mi.Float(vertices.ravel())
@@ -173,34 +181,36 @@ class Mitsuba(Peer):
         occluded: Flags = scene.ray_test(rays).numpy()
         return occluded
 
-    def shadows(self, asked: LightQuery) -> Iterator[Lit]:
-        """Shadow rays as Mitsuba spawns them."""
-        scene = self.scene(asked)
-        surface = scene.ray_intersect(self._rays(asked.o, asked.d))
-        rays = surface.spawn_ray_to(self.mi.Point3f(asked.light.T))
+    def shadows(self, query: LightQuery) -> Iterator[Lit]:
+        """Trace shadow rays made by Mitsuba's ``spawn_ray_to``."""
+        scene = self.scene(query)
+        surface = scene.ray_intersect(self._rays(query.o, query.d))
+        rays = surface.spawn_ray_to(self.mi.Point3f(query.light.T))
         yield Lit(surface.is_valid().numpy(), scene.ray_test(rays).numpy())
 
 
 class RobustMitsuba(Mitsuba):
-    """The same with Embree's robust intersections, which Mitsuba leaves off by default."""
+    """Mitsuba with Embree's robust intersections, which are off by default."""
 
     name, robust = "Mitsuba, robust", True
 
 
-class Trimesh(Peer):
-    """The tracer of trimesh that is written in NumPy, in float64."""
+class Trimesh(OtherTracer):
+    """trimesh's ray tracer in NumPy, in float64."""
 
     name, modules, dtype = "trimesh", ("trimesh", "rtree"), np.dtype(np.float64)
 
-    def scene(self, made: Query | LightQuery) -> Any:  # noqa: D102
-        from trimesh import Trimesh as Mesh
+    def scene(self, query: RayQuery | LightQuery) -> Any:  # noqa: D102
+        from trimesh import Trimesh as TrimeshMesh
         from trimesh.ray.ray_triangle import RayMeshIntersector
 
-        return RayMeshIntersector(Mesh(*mesh_of(made), process=False)), made
+        return RayMeshIntersector(TrimeshMesh(*mesh_of(query), process=False)), query
 
     def closest(self, scene: Any, o: Reals, d: Reals) -> Hits:  # noqa: D102
         hits = Hits(np.full(len(o), np.inf), np.full(len(o), -1, np.int32), *np.zeros((2, len(o))))
-        good = np.flatnonzero(np.isfinite(o).all(axis=1) & np.isfinite(d).all(axis=1))  # it refuses the others
+        good = np.flatnonzero(
+            np.isfinite(o).all(axis=1) & np.isfinite(d).all(axis=1)
+        )  # it raises an error for the others
         with np.errstate(all="ignore"):
             p, row, prim = scene[0].intersects_location(o[good], d[good], multiple_hits=False)
             if len(row):
@@ -217,21 +227,21 @@ class Trimesh(Peer):
     def any(self, scene: Any, o: Reals, d: Reals, tmax: float) -> Flags:  # noqa: D102
         return np.asarray(self.closest(scene, o, d).t < tmax)
 
-    def blocked(self, asked: Query) -> Iterator[Flags]:
-        """It has no query of its own."""
+    def blocked(self, query: RayQuery) -> Iterator[Flags]:
+        """Yield nothing: it has no occlusion query of its own."""
         yield from ()
 
 
-PEERS = (Open3D, Embreex, Mitsuba, RobustMitsuba, Trimesh)
+OTHER_TRACERS = (Open3D, Embreex, Mitsuba, RobustMitsuba, Trimesh)
 
 
-def peers() -> tuple[list[Tracer], dict[str, str]]:
-    """Those that can run here, and of the others why not."""
+def installed_tracers() -> tuple[list[Tracer], dict[str, str]]:
+    """Tracers that can run here; and for each other one the reason why not, by name."""
     found: list[Tracer] = []
     missing = {}
-    for peer in PEERS:
+    for tracer in OTHER_TRACERS:
         try:
-            found.append(peer())
+            found.append(tracer())
         except ImportError as error:
-            missing[peer.name] = str(error)
+            missing[tracer.name] = str(error)
     return found, missing
