@@ -48,6 +48,16 @@ def integrate(scene: Scene, tree: Tree, blockers: Tree | None, o: F8, d: F8) -> 
     return radiance
 
 
+def build_trees(scene: Scene) -> tuple[Tree, Tree | None]:
+    """Return the tree of all triangles, and the tree of those that block shadow rays, None if there are none."""
+    vertices, faces = scene.mesh.vertices, scene.mesh.faces
+    tree = median_split(vertices, faces)
+    blocks = ~scene.materials.transparent_shadow[scene.mesh.material_id]
+    if blocks.all():
+        return tree, tree
+    return tree, median_split(vertices, faces[blocks]) if blocks.any() else None
+
+
 def render(
     scene: Scene | str | Path | dict[str, Any],
     spp: int | None = None,
@@ -90,9 +100,8 @@ def render(
     size = size or scene.settings.size
     if positions is None:
         positions = stratified(size, spp or scene.settings.spp, seed)
-    mesh, blocks = scene.mesh, ~scene.materials.transparent_shadow[scene.mesh.material_id]
-    tree = median_split(mesh.vertices, mesh.faces)
-    blockers = tree if blocks.all() else median_split(mesh.vertices, mesh.faces[blocks]) if blocks.any() else None
+    tree, blockers = build_trees(scene)
     o, d = pinhole_rays(scene.camera, size, positions.reshape(-1, 2))
-    parts = [integrate(scene, tree, blockers, o[k : k + BATCH], d[k : k + BATCH]) for k in range(0, len(o), BATCH)]
-    return np.concatenate(parts).reshape(*positions.shape[:3], 3).mean(axis=2)
+    batches = [slice(k, k + BATCH) for k in range(0, len(o), BATCH)]
+    radiance = np.concatenate([integrate(scene, tree, blockers, o[batch], d[batch]) for batch in batches])
+    return radiance.reshape(*positions.shape[:3], 3).mean(axis=2)
