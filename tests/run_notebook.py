@@ -18,16 +18,16 @@ def results_of(notebook: str) -> dict[str, list[str]]:
 
     answers = answers_of(notebook)
     found: dict[str, list[str]] = {}
-    room: dict[str, Any] = {"__name__": "__main__", "display": lambda *things: None}
+    namespace: dict[str, Any] = {"__name__": "__main__", "display": lambda *things: None}
     for number, cell in enumerate(cells_of(notebook)):
         code = compile(cell, f"<{notebook}, cell {number}>", "exec")
-        exec(code, room)
+        exec(code, namespace)
         exercise = exercise_of(cell)
         if exercise:
             found[exercise] = [course.RESULTS[exercise]]
             for answer in reversed(answers[exercise]):
-                exec(answer, room)
-                exec(code, room)
+                exec(answer, namespace)
+                exec(code, namespace)
                 found[exercise].append(course.RESULTS[exercise])
     assert found.keys() == answers.keys(), "the exercises of the notebook are not those of its solutions"
     return found
