@@ -8,9 +8,9 @@ from raytrace.accel.build import LEAVES, build
 from raytrace.accel.bundle import BUNDLE
 from raytrace.accel.grow import SPLITS
 from raytrace.accel.inputs import MeshLike, check_faces, check_rays, check_vertices, mesh_arrays, one_of, rays_of
-from raytrace.accel.kinds import ROWS
 from raytrace.accel.lanes import NODE, PACKET
 from raytrace.accel.layout import aligned
+from raytrace.accel.scratch import ROWS
 from raytrace.accel.validate import TreeStats, tree_problems, tree_stats
 from raytrace.parallel import MOST, share_out
 from raytrace.records import Hits, Surface, Work
