@@ -181,7 +181,7 @@ class Trees(NamedTuple):
         return self.built() + (BUILDING[self.width] - TREE[self.width]) * self.triangles
 
 
-class Drawing(NamedTuple):
+class RenderSize(NamedTuple):
     """What the memory of a picture depends on."""
 
     pixels: int
@@ -204,7 +204,7 @@ class Drawing(NamedTuple):
         return FIXED + max(trees.building(), trees.built() + self.film() + self.samples(trees))
 
 
-def check_drawing(drawing: Drawing, trees: Trees, max_memory: int | None) -> None:
+def check_render(render: RenderSize, trees: Trees, max_memory: int | None) -> None:
     """Refuse a picture that takes more memory than there is.
 
     Raises
@@ -212,14 +212,14 @@ def check_drawing(drawing: Drawing, trees: Trees, max_memory: int | None) -> Non
     MemoryLimitError
         What to lower.
     """
-    building, film = trees.building(), drawing.film()
+    building, film = trees.building(), render.film()
     cures = {
         "take a smaller film by --size (size=), or a part by --crop (crop=)": film,
         "simplify the meshes, or take --precision float32": building,
-        "take fewer --threads (threads=)": drawing.samples(trees),
+        "take fewer --threads (threads=)": render.samples(trees),
     }
-    if lacks := Allowance(max_memory).lacks(drawing.total(trees), max(cures, key=cures.__getitem__)):
-        parts = f"{size(film)} for {drawing.pixels:,} pixels, {size(building)} for {trees.triangles:,} triangles"
+    if lacks := Allowance(max_memory).lacks(render.total(trees), max(cures, key=cures.__getitem__)):
+        parts = f"{size(film)} for {render.pixels:,} pixels, {size(building)} for {trees.triangles:,} triangles"
         raise MemoryLimitError(f"memory: the picture, with {parts}, {lacks}")
 
 

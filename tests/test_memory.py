@@ -17,7 +17,7 @@ from raytrace import memory
 from raytrace.cli import main
 from raytrace.errors import FileError, OptionError
 from raytrace.jit import PLAIN
-from raytrace.memory import Allowance, Drawing, Trees, check_drawing, free, resident
+from raytrace.memory import Allowance, RenderSize, Trees, check_render, free, resident
 from raytrace.scene import make
 from scene_files import scene, triangle_glb, write
 
@@ -121,19 +121,19 @@ def test_words_for_what_lacks_say_how_much_and_the_cure():
 @pytest.mark.parametrize(
     ("drawing", "trees", "cure"),
     [
-        (Drawing(2**28, False, False, 4, 2**15), Trees(36, 1, 4, False, True), "a smaller film by --size"),
+        (RenderSize(2**28, False, False, 4, 2**15), Trees(36, 1, 4, False, True), "a smaller film by --size"),
         (
-            Drawing(2**10, False, False, 4, 2**15),
+            RenderSize(2**10, False, False, 4, 2**15),
             Trees(2**27, 1, 8, False, True),
             "simplify the meshes",
         ),
-        (Drawing(2**10, False, False, 4, 2**26), Trees(2**10, 1, 8, True, True), "fewer --threads"),
+        (RenderSize(2**10, False, False, 4, 2**26), Trees(2**10, 1, 8, True, True), "fewer --threads"),
     ],
 )
 def test_what_takes_most_is_what_to_lower(drawing, trees, cure):
     with pytest.raises(OptionError, match=cure):
-        check_drawing(drawing, trees, 2**30)
-    check_drawing(drawing, trees, 2**50)
+        check_render(drawing, trees, 2**30)
+    check_render(drawing, trees, 2**50)
 
 
 @counted
@@ -247,7 +247,7 @@ def test_from_four_on_the_number_of_samples_does_not_count(monkeypatch):
         asked.append(drawing)
         raise KeyError
 
-    monkeypatch.setattr("raytrace.rendering.rendering.check_drawing", ask)
+    monkeypatch.setattr("raytrace.rendering.rendering.check_render", ask)
     for spp in (1, 3, 4, 16, 65536):
         with pytest.raises(KeyError):
             rt.render(BOX, spp=spp, size=(512, 512))
