@@ -17,7 +17,7 @@ GRAIN = 1024  # rows: ranges begin at multiples of this
 MIN_RANGE, MAX_RANGE = 1 << 14, 1 << 17  # rows of a range, if they are fast
 PIECE = 0.1  # seconds: longest time of a range, approximately, so that Ctrl-C takes effect soon
 WORTH = (
-    0.001  # seconds of work that justify another thread: to start one takes a tenth of that, or all if CPUs are busy
+    0.001  # seconds of work that justify a thread: to start one takes a tenth of that, or all of it if CPUs are busy
 )
 
 
@@ -192,7 +192,7 @@ def share_out(task: Callable[[int, int], object], n: int, threads: int | None) -
     Notes
     -----
     The first rows are processed in this thread. Their time decides whether threads pay for the others, and how many
-    rows a range has: few enough for Ctrl-C to take effect soon, and fewer towards the end, so that threads end together.
+    rows a range has: few enough for Ctrl-C to take effect soon, fewer towards the end, so that threads end together.
     """
     count, pace = thread_count(threads), 0.0
 

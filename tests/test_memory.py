@@ -113,7 +113,9 @@ def test_words_for_what_lacks_say_how_much_and_the_cure():
     assert "takes about 8.0 GiB of memory, 2.0 GiB are allowed; use less, or allow more by --max-memory" in told
     assert " are free; " in Allowance().lacks(2**60, "x")
     assert Allowance(0).left == 0
-    full = "takes about 1 MiB of memory, and the process has all that it may have already; allow more by --max-memory"
+    full = (
+        "takes about 1 MiB of memory, and the process has already reached its memory limit; allow more by --max-memory"
+    )
     assert full in Allowance(0).lacks(2**20, "use less")
 
 
@@ -140,7 +142,7 @@ def test_what_takes_most_is_what_to_lower(drawing, trees, cure):
 def test_a_film_is_refused_before_it_is_made(monkeypatch):
     loaded = rt.load(BOX)
     monkeypatch.setattr("raytrace.rendering.rendering.Run", None)
-    with pytest.raises(OptionError, match=r"^memory: the picture, with .* for 268,435,456 pixels, .*--size"):
+    with pytest.raises(OptionError, match=r"^memory: the image, with .* for 268,435,456 pixels, .*--size"):
         rt.render(loaded, size=(16384, 16384), max_memory=2**32)
     monkeypatch.setattr(memory, "free", lambda: 2.0**20)
     with pytest.raises(OptionError, match="are free"):
@@ -228,7 +230,7 @@ def test_the_command_line_takes_sizes(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main.main([str(BOX), "--max-memory", "4G", "--size", "8000x8000"]) == 2
     told = capsys.readouterr().err
-    assert told.startswith("memory: the picture, with 10.6 GiB for 64,000,000 pixels")
+    assert told.startswith("memory: the image, with 10.6 GiB for 64,000,000 pixels")
     assert told.count("\n") == 1
     assert main.main([str(BOX), "--max-memory", "64G", "--size", "8x8", "--spp", "1", "--quiet"]) == 0
     for text in ("-1", "0", "x", "1Q", "nan", "inf", ""):
