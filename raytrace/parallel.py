@@ -122,15 +122,15 @@ class _Queue:
         with self._turn:
             return next(self._items, self.empty)
 
-    def work(self, stop: Callable[[], bool] = lambda: False, tell: Callable[[], None] = lambda: None) -> None:
-        """Process item after item; call ``tell`` after each."""
+    def work(self, stop: Callable[[], bool] = lambda: False, report: Callable[[], None] = lambda: None) -> None:
+        """Process item after item; call ``report`` after each."""
         try:
             while not self.halted and not stop():
                 item = self.take()
                 if item is self.empty:
                     return
                 self._task(item)
-                tell()
+                report()
         except BaseException as error:  # noqa: BLE001  (raised in the caller's thread)
             self.halted = True
             self._errors.append(error)

@@ -18,7 +18,7 @@ BITS = processor.register_bits()  # of one vector register
 
 
 def packet_width(a):
-    """Rays of a packet, for floats like those of ``a``: as many as fill a register (16, 8 or 4 float32; half float64)."""
+    """Rays of a packet, for floats like those of ``a``: as many as fill a register (16, 8, 4 float32; half float64)."""
     return BITS // 8 // a.itemsize
 
 
@@ -55,7 +55,7 @@ def prefetch(a, i):
 
 
 def load(a, i, like):
-    """Elements ``i``, ``i + 1``, ... of the flat array ``a``: ``like`` of them, or as many as the register ``like`` has."""
+    """Elements ``i``, ``i + 1``, ... of the flat array ``a``, as many as the number or the register ``like`` says."""
     return a[i : i + (like if isinstance(like, int) else len(like))].copy()
 
 

@@ -28,10 +28,7 @@ def _count(like):
 
 
 def _pointer(builder, sig, args):
-    """Address of element ``args[1]`` of the flat array ``args[0]``, the element type and its size in bytes.
-
-    If the index is lanes, so is the address.
-    """
+    """Address of element ``args[1]`` of the flat array ``args[0]``, element type and size; the index may be lanes."""
     element = ELEMENTS[sig.args[0].dtype]
     data = builder.extract_value(args[0], 4)  # member `data` of Numba's array record
     at = builder.gep(data, [args[1]], source_etype=element)

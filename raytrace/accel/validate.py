@@ -65,10 +65,10 @@ def _link_problems(child: NDArray[np.int32], leaf_count: int) -> list[str]:
     if ((child[:, 1:] != 0) & (child[:, :-1] == 0)).any():
         problems.append("a node has an empty slot before a child")
     inner, leaf = child[child > 0], ~child[child < 0]
-    for name, found, wanted in (("node", inner, np.arange(1, len(child))), ("leaf", leaf, np.arange(leaf_count))):
+    for name, found, expected in (("node", inner, np.arange(1, len(child))), ("leaf", leaf, np.arange(leaf_count))):
         if leaf_count == 1 and not len(leaf) and name == "leaf":
             continue  # of a mesh without triangles
-        if not np.array_equal(np.sort(found), wanted):
+        if not np.array_equal(np.sort(found), expected):
             problems.append(f"not every {name} is the child of exactly one node")
     return problems
 

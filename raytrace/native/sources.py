@@ -44,7 +44,7 @@ def _from_loaders() -> Iterator[tuple[str, bytes]]:
     else:
         if {name for name in sys.modules if name.startswith("raytrace.native.")} <= {*names}:
             return
-    raise FileError("their sources, which tell new machine code from old, can't be read (a frozen program?)")
+    raise FileError("their sources, which identify their machine code, cannot be read (a frozen program?)")
 
 
 def _source(name: str) -> str | None:

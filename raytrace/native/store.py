@@ -110,7 +110,7 @@ def find(kernel: str, kinds: str) -> Code | None:
         touch()
         content = private_files.read(path_of(kernel, kinds))
     except private_files.Untrusted as error:
-        _say(f"{error}: it is compiled anew" if error.path.suffix == SUFFIX else _unkept(error))
+        _say(f"{error}: it is compiled again" if error.path.suffix == SUFFIX else _unkept(error))
         return None
     except OSError:
         return None

@@ -46,7 +46,7 @@ def edges(image, columns: int, steps, bends, between):
 
 
 @kernel
-def weigh(marks, columns: int, known, width: int, error):
+def weigh(marks, columns: int, own, width: int, error):
     """Squared error of each pixel: its own, plus weighted differences from its neighbours where they bend.
 
     A step counts at most as much as the largest bend of the 3 x 3 pixels around it: a slope is not an edge.
@@ -58,7 +58,7 @@ def weigh(marks, columns: int, known, width: int, error):
         column before it, and at least one after it.
     columns : int
         Pixels per row of ``marks``.
-    known : (3 (m + packet),) float64 array
+    own : (3 (m + packet),) float64 array
         For the pixels of the image, row by row: their own squared error, the weight of ``between``, the weight of
         ``steps``.
     width : int
@@ -76,8 +76,8 @@ def weigh(marks, columns: int, known, width: int, error):
                 for k in range(above - 1, above + 2):
                     bent = maximum(load(marks, n + k, like), bent)
             step, between = minimum(load(marks, i, like), bent), minimum(load(marks, 2 * n + i, like), bent)
-            total = load(known, at, like) + load(known, m + at, like) * between
-            store(error, at, total + load(known, 2 * m + at, like) * step)
+            total = load(own, at, like) + load(own, m + at, like) * between
+            store(error, at, total + load(own, 2 * m + at, like) * step)
 
 
 @inlined
