@@ -1,4 +1,4 @@
-"""How many cores this process may use: its CPU affinity, and the CPU quota of its container."""
+"""Number of cores that this process may use: its CPU affinity, and the CPU quota of its container."""
 
 import contextlib
 import math
@@ -18,7 +18,7 @@ def usable() -> int:
 
 @cache
 def quota() -> float:
-    """Return the smallest CPU quota of the control groups that this process is in, in cores; inf: there is none."""
+    """Return the smallest CPU quota, in cores, of the control groups of this process; inf if there is none."""
     return min(_quotas(), default=math.inf)
 
 
@@ -30,13 +30,13 @@ def _quotas() -> Iterator[float]:
             for group in (within, *within.parents):
                 if number == "0":
                     yield from _version_2(CGROUPS / group)
-                elif "cpu" in controllers.split(","):  # mounted under its own name, or with the others of its line
+                elif "cpu" in controllers.split(","):  # mounted under its own name, or under all names of its line
                     for folder in dict.fromkeys(("cpu", controllers)):
                         yield from _version_1(CGROUPS / folder / group)
 
 
 def _version_2(group: Path) -> Iterator[float]:
-    """The file holds "QUOTA PERIOD" in microseconds, or "max PERIOD"."""
+    """Read the quota of a group from its file, "QUOTA PERIOD" in microseconds or "max PERIOD"."""
     with contextlib.suppress(OSError, ValueError):
         most, period = (group / "cpu.max").read_text().split()
         if most != "max":
@@ -44,7 +44,7 @@ def _version_2(group: Path) -> Iterator[float]:
 
 
 def _version_1(group: Path) -> Iterator[float]:
-    """Two files, in microseconds; a quota of -1 is none."""
+    """Read the quota of a group from two files, in microseconds; -1 means no quota."""
     with contextlib.suppress(OSError, ValueError):
         most = int((group / "cpu.cfs_quota_us").read_text())
         if most > 0:

@@ -1,9 +1,9 @@
-"""The one kernel decorator, and those of the functions that kernels call.
+"""The kernel decorator, and the decorators of the functions that kernels call.
 
-A kernel is an ordinary function until it is called. What it is called with chooses its machine code: found in memory,
-else on disk, else compiled by Numba and kept. So a process whose kernels were compiled by an earlier one never imports
-Numba, which takes a third of a second. Machine code lets go of the interpreter's lock: tiles run side by side in plain
-threads, so there is no threading layer to abort and Ctrl-C works.
+A kernel is an ordinary Python function until it is called. The kinds of its arguments choose its machine code, which
+is found in memory, else loaded from disk, else compiled by Numba and stored. So a process whose kernels were compiled
+before never imports Numba, which takes a third of a second. Machine code releases the GIL, so tiles run in parallel in
+plain threads: there is no threading layer to abort, and Ctrl-C works.
 """
 
 import os
@@ -16,13 +16,13 @@ from typing import Any, Self
 
 import numpy as np
 
-PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")  # kernels stay the functions that they look like
+PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")  # kernels stay plain Python functions
 
-callees: list[tuple[Callable[..., Any], dict[str, bool]]] = []  # that Numba has yet to be told about
-forms: list[tuple[Callable[..., Any], Callable[..., Any]]] = []  # the same: functions, and what chooses their form
+callees: list[tuple[Callable[..., Any], dict[str, bool]]] = []  # functions to register with Numba, and options
+forms: list[tuple[Callable[..., Any], Callable[..., Any]]] = []  # functions to register, and their overloads
 
-_lock = threading.RLock()  # held while machine code is looked for, compiled or loaded
-if hasattr(os, "register_at_fork"):  # no child may begin in the midst of that
+_lock = threading.RLock()  # held while machine code is searched for, compiled or loaded
+if hasattr(os, "register_at_fork"):  # a child process must not start while it is held
     os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
 
 
@@ -34,15 +34,15 @@ class Kernel:
     function : callable
         The Python function.
     code : dict
-        Address of the machine code for each kind of arguments that it was called with.
+        Address of the machine code for each kind of arguments so far.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
         update_wrapper(self, function)
         self.function, self.code = function, dict[Any, int]()
-        self._unkept = dict[Any, Any]()  # object code that the store could not keep
+        self._unkept = dict[Any, Any]()  # object code that could not be stored
         self._bound = dict[Any, Callable[..., Any]]()
-        self._entries: tuple[Callable[..., Any], ...] = ()  # replaced, never changed: no call waits for a lock
+        self._entries: tuple[Callable[..., Any], ...] = ()  # replaced, never changed, so calls need no lock
 
     def __call__(self, *args: Any) -> Any:
         """Call the machine code for such arguments."""
@@ -52,14 +52,16 @@ class Kernel:
                 return result
         result = self.load(args)(*args)
         if result is NotImplemented:
-            raise TypeError(f"{self.function.__name__}: its machine code declines arguments of its own kinds")
+            raise TypeError(
+                f"{self.function.__name__}: its machine code rejects arguments of the kinds that it was compiled for"
+            )
         return result
 
     def __reduce__(self) -> str:
         return self.function.__qualname__  # pickled by name
 
     def load(self, args: tuple[Any, ...]) -> Callable[..., Any]:
-        """Have machine code for such arguments ready; its entry."""
+        """Load or compile machine code for such arguments; return its entry."""
         from raytrace.native.signatures import kind_of, types_of
 
         kinds, types = tuple(map(kind_of, args)), tuple(kind for arg in args for kind in types_of(arg))
@@ -70,7 +72,7 @@ class Kernel:
             return self._bound[kinds, types]
 
     def _entry(self, kinds: tuple[Any, ...], types: tuple[type, ...], args: tuple[Any, ...]) -> Callable[..., Any]:
-        """Entry of machine code for arguments of these kinds: stored, or made now."""
+        """Return the entry of machine code for arguments of these kinds, which is loaded or compiled."""
         from raytrace.native.fallback import Unavailable, plain, private_parts
 
         try:
@@ -85,7 +87,7 @@ class Kernel:
             return plain(self.function, kinds, args, reason)
 
     def stored(self, kinds: tuple[Any, ...]) -> Any:
-        """Object code for arguments of these kinds, if the store has it, or could not keep it."""
+        """Return object code for arguments of these kinds if it was compiled before."""
         from raytrace.native.fallback import private_parts
 
         with private_parts():
@@ -94,7 +96,7 @@ class Kernel:
             return self._unkept.get(kinds) or store.find(*self._title(kinds))
 
     def compile(self, kinds: tuple[Any, ...]) -> Any:
-        """Object code for arguments of these kinds, compiled now, and stored."""
+        """Compile and store object code for arguments of these kinds; return it."""
         from raytrace.native.fallback import private_parts
 
         with private_parts():
@@ -105,18 +107,18 @@ class Kernel:
         return code
 
     def keep(self, kinds: tuple[Any, ...], code: Any) -> None:
-        """Store object code; what can't be stored is kept for this process."""
+        """Store object code; if that fails, keep it for this process."""
         from raytrace.native import store
 
         if not store.keep(*self._title(kinds), code):
             self._unkept[kinds] = code
 
     def unkept(self, kinds: tuple[Any, ...]) -> Any:
-        """Object code for arguments of these kinds that the store could not keep."""
+        """Return object code for arguments of these kinds that could not be stored."""
         return self._unkept.get(kinds)
 
     def _made(self, kinds: tuple[Any, ...]) -> Any:
-        """Object code that was not in the store: whoever is told that it is wanted may have it compiled elsewhere."""
+        """Return object code that was not in the store; a listener may compile it in a worker process first."""
         with _compiling():
             return self.stored(kinds) or self.compile(kinds)
 
@@ -127,33 +129,33 @@ class Kernel:
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function that Python calls, when it is called; the machine code is kept between processes."""
+    """Declare a function that Python calls; it is compiled when it is called, and its machine code is stored."""
     if PLAIN:
-        return np.errstate(all="ignore")(function)  # 1 / 0 is inf there too
+        return np.errstate(all="ignore")(function)  # 1 / 0 is inf, as in machine code
     return Kernel(function)
 
 
 def load_all(calls: Iterable[tuple[Any, tuple[Any, ...]]]) -> None:
-    """Have the machine code of kernels ready, each given with its arguments."""
+    """Load or compile the machine code of kernels, each given with its arguments."""
     for kernel, args in calls:
         if isinstance(kernel, Kernel):
             kernel.load(args)
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Declare a small function that only kernels call; its body is put into theirs."""
+    """Declare a small function that only kernels call; it is inlined."""
     callees.append((function, {"forceinline": True}))
     return function
 
 
 def subroutine(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Declare a large function that only kernels call; it is compiled once, beside them."""
+    """Declare a large function that only kernels call; it is compiled once and not inlined."""
     callees.append((function, {}))
     return function
 
 
 def specialised(function: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Give a function its compiled form, chosen by the types of its arguments, which leaves no trace in the code."""
+    """Declare the compiled form of a function, chosen by the types of its arguments at no cost at run time."""
 
     def declare(choose: Callable[..., Any]) -> Callable[..., Any]:
         forms.append((function, choose))
@@ -163,12 +165,12 @@ def specialised(function: Callable[..., Any]) -> Callable[[Callable[..., Any]], 
 
 
 def interpreted(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    """The plain Python function behind a kernel, its callees plain too: the same results, with nothing to compile."""
+    """Return the plain Python function of a kernel: it gives the same results without compilation."""
     return getattr(kernel, "function", kernel)
 
 
 class on_compile:
-    """Call ``started()`` when kernels begin to be compiled, and sum the seconds; use as a context manager."""
+    """Context manager that calls ``started()`` at the first compilation, and sums the seconds of all."""
 
     def __init__(self, started: Callable[[], None] = lambda: None) -> None:
         self.seconds, self.count, self._started = 0.0, 0, started
@@ -186,7 +188,7 @@ _listening: list[on_compile] = []
 
 @contextmanager
 def _compiling() -> Iterator[None]:
-    """Tell who listens that a kernel is compiled within."""
+    """Notify listeners of a compilation, which happens within this context."""
     listening, began = list(_listening), time.perf_counter()
     for listener in listening:
         listener.count += 1

@@ -1,6 +1,6 @@
-"""Memory: what there is, what a scene and its picture take, and whether it will do: asked before any of it is taken.
+"""Memory: how much is free, how much a scene and its image need, and a check before it is allocated.
 
-What things take was measured: ``tests/bench/memory.py`` does it again and compares.
+The numbers were measured. ``tests/bench/memory.py`` repeats the measurement and compares.
 """
 
 import contextlib
@@ -12,29 +12,29 @@ from typing import NamedTuple
 from raytrace.errors import MemoryLimitError
 
 PROC, CGROUPS = Path("/proc"), Path("/sys/fs/cgroup")
-# where a group of processes says what it may take, and takes: version 2, version 1   [cgroups]
+# files of a control group with its limit and its use of memory: version 2, version 1   [cgroups]
 GROUPS = (
     ("", "memory.max", "memory.current", "inactive_file"),
     ("memory", "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
 )
 
-READING = {".obj": 3, ".ply": 7, ".stl": 3, ".glb": 6}  # bytes to read a byte of a file
-READING_OTHER = 20  # of every other format, unpacked
-TEXT = {".obj": (3, 85), ".ply": (3, 57), ".stl": (3, 52)}  # and a byte of a text, and a word of it
-CORNERS, VERTEX = 24, 24  # of three indices, and of a point
-JOINED, SMOOTH = 36, 72  # of a triangle in a scene, and of its shading normals
-JOINING, AVERAGING = 175, 390  # while that is made: of the triangles of the largest object
-TREE, BUILDING = {4: 105, 8: 260}, {4: 215, 8: 460}  # of a triangle by bytes of a number: a tree, and while it is built
-PIXEL, BIN, LAYERS, SEARCH = 82, 24, 58, 112  # of a pixel: film and picture; a bin; layers; a wanted error
-SAMPLE, REFRACTED, SHADOW = 26, 18, 16  # numbers of a sample in flight: always, if it may be refracted, of each light
+READING = {".obj": 3, ".ply": 7, ".stl": 3, ".glb": 6}  # bytes of memory to read one byte of a file
+READING_OTHER = 20  # of any other format, decompressed
+TEXT = {".obj": (3, 85), ".ply": (3, 57), ".stl": (3, 52)}  # to read one byte of a text file, and one word of it
+CORNERS, VERTEX = 24, 24  # bytes of three indices, and of a point
+JOINED, SMOOTH = 36, 72  # bytes of a triangle in a scene, and of its shading normals
+JOINING, AVERAGING = 175, 390  # bytes per triangle of the largest object while they are made
+TREE, BUILDING = {4: 105, 8: 260}, {4: 215, 8: 460}  # bytes per triangle, by bytes of a float: a tree, and its build
+PIXEL, BIN, LAYERS, SEARCH = 82, 24, 58, 112  # bytes per pixel: film and image; a bin; layers; adaptive sampling
+SAMPLE, REFRACTED, SHADOW = 26, 18, 16  # floats per sample in flight: always, with refraction, with lights
 FIXED = 2**25  # bytes: code and threads
 
 
-# What there is --------------------------------------------------------------------------------------------------------
+# What is free --------------------------------------------------------------------------------------------------------
 
 
 def resident() -> int:
-    """Bytes of memory that this process takes; 0: not known."""
+    """Return the bytes of memory that this process uses; 0 if unknown."""
     with contextlib.suppress(OSError):
         return int((PROC / "self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     with contextlib.suppress(ImportError):
@@ -45,7 +45,7 @@ def resident() -> int:
 
 
 def free() -> float:
-    """Bytes of memory that this process may take yet: of the machine, of its container, of its own limit."""
+    """Return the bytes that this process can still allocate, by the machine, its container and its own limit."""
     return max(min(_machine(), _address_space(), *_groups()), 0.0)
 
 
@@ -62,7 +62,7 @@ def _machine() -> float:
 
 
 def _address_space() -> float:
-    """What ``ulimit -v`` leaves."""
+    """Return the bytes that ``ulimit -v`` leaves."""
     with contextlib.suppress(ImportError, OSError):
         import resource
 
@@ -73,7 +73,7 @@ def _address_space() -> float:
 
 
 def _groups() -> Iterator[float]:
-    """What each group that this process is in leaves to it."""
+    """Yield the bytes that each control group of this process leaves to it."""
     yield float("inf")
     with contextlib.suppress(OSError):
         for line in (PROC / "self/cgroup").read_text().splitlines():
@@ -86,7 +86,7 @@ def _groups() -> Iterator[float]:
 
 
 def _group(folder: Path, limit: str, usage: str, reclaimable: str) -> Iterator[float]:
-    """What one group leaves: its limit less what is in use, but for files that are only kept in case."""
+    """Yield the bytes that one group leaves: its limit minus its use, without reclaimable file caches."""
     with contextlib.suppress(OSError, ValueError):  # "max": no limit
         most, used = int((folder / limit).read_text()), int((folder / usage).read_text())
         for line in (folder / "memory.stat").read_text().splitlines():
@@ -96,12 +96,12 @@ def _group(folder: Path, limit: str, usage: str, reclaimable: str) -> Iterator[f
 
 
 class Allowance:
-    """What may be taken from now on.
+    """Memory that may be allocated from now on.
 
     Parameters
     ----------
     max_memory : int, bytes, optional
-        What the process may take in all. Default: what is free now, with what it has.
+        Limit of the whole process. Default: what it uses now plus what is free.
     """
 
     def __init__(self, max_memory: int | None = None) -> None:
@@ -109,17 +109,17 @@ class Allowance:
         self.left = free() if max_memory is None else float(max(max_memory - resident(), 0))
 
     def lacks(self, needed: float, cure: str) -> str:
-        """Words for what is lacking, and the cure; "" where there is enough."""
+        """Return a message about missing memory, with the cure; "" if there is enough."""
         if needed <= self.left:
             return ""
         more = "allow more by --max-memory (max_memory=)"
         if self.left <= 0:
-            return f"takes about {size(needed)} of memory, and the process has all that it may have already; {more}"
+            return f"takes about {size(needed)} of memory, and the process has already reached its memory limit; {more}"
         return f"takes about {size(needed)} of memory, {size(self.left)} {self._whose}; {cure}, or {more}"
 
 
 def size(number: float) -> str:
-    """Write a number of bytes for people.
+    """Return a number of bytes as text.
 
     >>> size(5e9), size(3e6)
     ('4.7 GiB', '3 MiB')
@@ -127,11 +127,14 @@ def size(number: float) -> str:
     return f"{number / 2**30:.1f} GiB" if number >= 2**30 else f"{number / 2**20:.0f} MiB"
 
 
-# What things take -----------------------------------------------------------------------------------------------------
+# What is needed -----------------------------------------------------------------------------------------------------
 
 
 def of_reading(kind: str, length: int, words: int | None = None) -> float:
-    """Bytes to read a mesh file of so many bytes; a text of so many words; None: not known yet, at least."""
+    """Return the bytes of memory to read a mesh file of ``length`` bytes.
+
+    For a text file, ``words`` is its number of words. If that is None (unknown), the result is a lower bound.
+    """
     if words is None:
         return READING.get(kind, READING_OTHER) * length
     each, word = TEXT[kind]
@@ -139,15 +142,15 @@ def of_reading(kind: str, length: int, words: int | None = None) -> float:
 
 
 class Joining(NamedTuple):
-    """What the memory to put meshes in place and join them depends on."""
+    """Sizes that decide the memory to place meshes and join them."""
 
     triangles: int = 0
     vertices: int = 0
-    passing: int = 0  # bytes for a while: of the triangles of the largest object
+    passing: int = 0  # temporary bytes: for the triangles of the largest object
     smooth: bool = False  # whether there are shading normals
 
     def with_object(self, triangles: int, vertices: int, smoothness: int) -> "Joining":
-        """One object more; its smoothness: 0: flat; 1: the file has its normals; 2: they are averages."""
+        """Return the sizes with one more object; smoothness 0: flat; 1: normals of the file; 2: averaged normals."""
         passing = triangles * (AVERAGING if smoothness == 2 else JOINING)
         return Joining(
             self.triangles + triangles,
@@ -157,79 +160,79 @@ class Joining(NamedTuple):
         )
 
     def total(self) -> float:
-        """Bytes at most at a time."""
+        """Return the largest number of bytes in use at once."""
         placed = CORNERS * self.triangles + VERTEX * self.vertices
         joined = (JOINED + SMOOTH * self.smooth) * self.triangles + VERTEX * self.vertices
         return float(placed + joined + self.passing)
 
 
 class Trees(NamedTuple):
-    """What the memory of a scene that is drawn depends on."""
+    """Sizes that decide the memory of the trees of a scene."""
 
-    triangles: int  # 0: the trees are there
+    triangles: int  # 0: the trees are built already
     trees: int
-    width: int  # bytes of a number
+    width: int  # bytes of a float
     refraction: bool
     lights: bool
 
     def built(self) -> float:
-        """Bytes of all trees."""
+        """Return the bytes of all trees."""
         return float(TREE[self.width] * self.triangles * self.trees)
 
     def building(self) -> float:
-        """Bytes at most while they are built, one after the other."""
+        """Return the largest number of bytes while they are built, one after the other."""
         return self.built() + (BUILDING[self.width] - TREE[self.width]) * self.triangles
 
 
-class Drawing(NamedTuple):
-    """What the memory of a picture depends on."""
+class RenderSize(NamedTuple):
+    """Sizes that decide the memory of an image and its samples."""
 
     pixels: int
-    layers: bool  # whether any are asked for
-    search: bool  # whether an error is wanted
-    bins: int  # of a pixel that are used: as many as samples, up to four
+    layers: bool  # whether any are requested
+    search: bool  # whether there is a target error
+    bins: int  # used bins per pixel: as many as samples, up to four
     batch: int  # samples in flight, on all threads
 
     def film(self) -> float:
-        """Bytes of the film, and of the picture that is made of it."""
+        """Return the bytes of the film and of the image."""
         return float(self.pixels * (PIXEL + BIN * self.bins + LAYERS * self.layers + SEARCH * self.search))
 
     def samples(self, trees: Trees) -> float:
-        """Bytes of the samples in flight."""
+        """Return the bytes of the samples in flight."""
         numbers = SAMPLE + REFRACTED * trees.refraction + SHADOW * trees.lights
         return float(self.batch * trees.width * numbers)
 
     def total(self, trees: Trees) -> float:
-        """Bytes at most at a time."""
+        """Return the largest number of bytes in use at once."""
         return FIXED + max(trees.building(), trees.built() + self.film() + self.samples(trees))
 
 
-def check_drawing(drawing: Drawing, trees: Trees, max_memory: int | None) -> None:
-    """Refuse a picture that takes more memory than there is.
+def check_render(render: RenderSize, trees: Trees, max_memory: int | None) -> None:
+    """Raise an error if an image needs more memory than is free.
 
     Raises
     ------
     MemoryLimitError
-        What to lower.
+        The message says what to reduce.
     """
-    building, film = trees.building(), drawing.film()
+    building, film = trees.building(), render.film()
     cures = {
         "take a smaller film by --size (size=), or a part by --crop (crop=)": film,
         "simplify the meshes, or take --precision float32": building,
-        "take fewer --threads (threads=)": drawing.samples(trees),
+        "take fewer --threads (threads=)": render.samples(trees),
     }
-    if lacks := Allowance(max_memory).lacks(drawing.total(trees), max(cures, key=cures.__getitem__)):
-        parts = f"{size(film)} for {drawing.pixels:,} pixels, {size(building)} for {trees.triangles:,} triangles"
-        raise MemoryLimitError(f"memory: the picture, with {parts}, {lacks}")
+    if lacks := Allowance(max_memory).lacks(render.total(trees), max(cures, key=cures.__getitem__)):
+        parts = f"{size(film)} for {render.pixels:,} pixels, {size(building)} for {trees.triangles:,} triangles"
+        raise MemoryLimitError(f"memory: the image, with {parts}, {lacks}")
 
 
 def check_tree(triangles: int, width: int) -> None:
-    """Refuse one more tree for which there is no memory; width: bytes of a number.
+    """Raise an error if there is no memory for one more tree; width: bytes of a float.
 
     Raises
     ------
     MemoryLimitError
-        What to change in the scene.
+        The message says what to change in the scene.
     """
     if lacks := Allowance().lacks(BUILDING[width] * triangles, "move lights off the surfaces that they lie on"):
         raise MemoryLimitError(

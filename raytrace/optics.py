@@ -3,6 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from raytrace.accel.vectors import unit
+from raytrace.passes.refraction import reflect_direction, refract_direction
+
 
 def _rows(*arrays: ArrayLike) -> list[NDArray[np.floating]]:
     """Arrays of one float type and one shape (..., 3)."""
@@ -14,8 +17,9 @@ def _dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.floatin
     return (a * b).sum(axis=-1, keepdims=True)
 
 
-def _unit(a: NDArray[np.floating]) -> NDArray[np.floating]:
-    return a / np.sqrt(_dot(a, a))
+def _components(a: NDArray[np.floating]) -> tuple[NDArray[np.floating], ...]:
+    """Vectors as the kernels' functions take them: an array of each component."""
+    return a[..., 0], a[..., 1], a[..., 2]
 
 
 def reflect(d: ArrayLike, n: ArrayLike) -> NDArray[np.floating]:
@@ -40,11 +44,11 @@ def reflect(d: ArrayLike, n: ArrayLike) -> NDArray[np.floating]:
     array([0.6, 0.8, 0. ])
     """
     d, n = _rows(d, n)
-    return _unit(d - 2.0 * _dot(d, n) * n)
+    return np.stack(unit(reflect_direction(_components(d), _components(n))), axis=-1)
 
 
 def refract(d: ArrayLike, n: ArrayLike, eta: ArrayLike) -> tuple[NDArray[np.floating], NDArray[np.bool_]]:
-    """Send directions through interfaces by Snell's law, sin_t = sin_i / eta.
+    """Refract directions at interfaces by Snell's law, sin_t = sin_i / eta.
 
     Parameters
     ----------
@@ -53,7 +57,7 @@ def refract(d: ArrayLike, n: ArrayLike, eta: ArrayLike) -> tuple[NDArray[np.floa
     n : (..., 3) array_like
         Unit normals on the side that the rays come from: d . n < 0.
     eta : (...) array_like
-        Index of the medium that is entered over that of the medium that is left.
+        Index of refraction of the medium behind the surface over that of the medium in front.
 
     Returns
     -------
@@ -64,13 +68,13 @@ def refract(d: ArrayLike, n: ArrayLike, eta: ArrayLike) -> tuple[NDArray[np.floa
 
     Notes
     -----
-    The part of d along the surface has length sin_i and is divided by eta; what is left to unit length goes against n
-    [Pharr2023]_. The first is taken from d + n, which is small near normal incidence and exact there; cos_t^2 is
+    The part of d along the surface has length sin_i and is divided by eta; the rest of the unit length goes against n
+    [Pharr2023]_. That part is computed from d + n, which is small near normal incidence and exact there; cos_t^2 is
 
         ((eta - 1) (eta + 1) + cos_i^2) / eta^2   or   1 - sin_t^2,
 
-    the first where cos_i^2 < 1/2: so nothing cancels at grazing or normal incidence, and near the critical angle the
-    result is exact for a direction that differs from d by a few roundings. An eta of exactly 1 changes nothing.
+    The first is used where cos_i^2 < 1/2. So nothing cancels at grazing or normal incidence. Near the critical angle
+    the result is exact for a direction that differs from d by a few roundings. An eta of exactly 1 changes nothing.
 
     Examples
     --------
@@ -80,27 +84,20 @@ def refract(d: ArrayLike, n: ArrayLike, eta: ArrayLike) -> tuple[NDArray[np.floa
     (np.float64(0.4), np.False_)
     """
     d, n = _rows(d, n)
-    eta = np.asarray(eta, d.dtype)[..., None]
-    cosine, between = _dot(d, n), d + n
     with np.errstate(all="ignore"):  # indices beyond the range of the floats: total, or straight against n
-        s = (between - _dot(between, n) * n) / eta
-        level = (eta - 1.0) / eta * (1.0 + 1.0 / eta) + (cosine / eta) ** 2
-        rest = np.where(cosine**2 < 0.5, level, 1.0 - _dot(s, s))
-        total = ~(rest > 0.0) & (eta != 1.0)
-        through = _unit(s - np.sqrt(np.fmax(rest, 0.0)) * n)
-    direction = np.where(total, reflect(d, n), np.where(eta == 1.0, d, through))
-    return direction, np.broadcast_to(total, (*direction.shape[:-1], 1))[..., 0][()]
+        direction, total = refract_direction(_components(d), _components(n), np.asarray(eta, d.dtype))
+    return np.stack(direction, axis=-1), total[()]
 
 
 def spawn_ray(p: ArrayLike, p_error: ArrayLike, ng: ArrayLike, d: ArrayLike) -> NDArray[np.floating]:
-    """Origins of rays that leave surfaces, pushed off them by the error bound of the point and never by a constant.
+    """Origins of rays that leave surfaces: points moved off the surface by their error bound, never by a constant.
 
     Parameters
     ----------
     p, p_error, ng : (..., 3) array_like, world units
         As ``BVH.surface`` gives them: points, bounds of their error, unit geometric normals.
     d : (..., 3) array_like
-        Directions of the rays; they tell on which side to start.
+        Directions of the rays, which decide the side to start on.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Work on several threads: kernels let go of the interpreter's lock, so plain threads are all that is needed."""
+"""Work on several threads: kernels release the GIL, so plain threads are enough."""
 
 import operator
 import sys
@@ -12,11 +12,13 @@ from raytrace import cores
 from raytrace.errors import OptionError
 from raytrace.jit import PLAIN
 
-POLL = 0.1  # seconds between two looks at the keyboard
-GRAIN = 1024  # rows: what is shared out in ranges is cut at multiples of this
-LEAST, MOST = 1 << 14, 1 << 17  # rows of a range, if they are quick
-PIECE = 0.1  # seconds: about what a range takes at most, so that Ctrl-C is soon noticed
-WORTH = 0.001  # seconds of work for which a thread is started, which takes a tenth of that, and on a busy machine all
+POLL = 0.1  # seconds between two checks for Ctrl-C
+GRAIN = 1024  # rows: ranges begin at multiples of this
+MIN_RANGE, MAX_RANGE = 1 << 14, 1 << 17  # rows of a range, if they are fast
+PIECE = 0.1  # seconds: longest time of a range, approximately, so that Ctrl-C takes effect soon
+WORTH = (
+    0.001  # seconds of work that justify a thread: to start one takes a tenth of that, or all of it if CPUs are busy
+)
 
 
 def thread_count(threads: int | None) -> int:
@@ -45,27 +47,27 @@ def run(
     Parameters
     ----------
     task : callable
-        Is called with an item; releases the interpreter's lock while it works.
+        Called with an item; releases the GIL while it works.
     items : iterable
     threads : int or None
-        As ``thread_count`` takes it.
+        Argument of ``thread_count``.
     stop : callable
-        Says that no more items are to be begun.
+        Returns True when no more items should be started.
     report : callable
-        Is called here, in the caller's thread, with the number of items done.
+        Called in the caller's thread with the number of finished items.
     cancel : callable
-        Is called when an error or Ctrl-C ends the work early: tasks under way may heed it.
+        Called when an error or Ctrl-C ends the work early, so that running tasks can stop.
 
     Returns
     -------
     bool
-        Whether all items were done.
+        Whether all items were finished.
 
     Notes
     -----
-    An error in a task, or Ctrl-C, ends the handing out; tasks under way are waited for, and it is raised here. Where
-    the system gives no thread (the interpreter is ending, or there are too many), the caller's does the work; so
-    it does where one thread is asked for and kernels are plain Python, for that is where a debugger looks.
+    After an error in a task, or Ctrl-C, no more items are started; running tasks are waited for, and the exception is
+    raised here. If no thread can be started (the interpreter is shutting down, or there are too many), the caller's
+    thread does the work. It also does so with ``threads=1`` where kernels are plain Python, so that a debugger works.
     """
     queue, count = _Queue(task, items), thread_count(threads)
     if PLAIN and count == 1:
@@ -93,7 +95,7 @@ def run(
 
 
 def together(task: Callable[[Any], object], items: Iterable[Any], threads: int | None) -> None:
-    """Call ``task`` with every item, here and on other threads, so that none waits; raise here what any raises."""
+    """Call ``task`` with every item, in this thread and on others; raise the first error of any here."""
     queue = _Queue(task, items)
     workers = [threading.Thread(target=queue.work, name=f"raytrace-{k}") for k in range(1, thread_count(threads))]
     try:
@@ -106,7 +108,7 @@ def together(task: Callable[[Any], object], items: Iterable[Any], threads: int |
 
 
 class _Queue:
-    """Items that threads take one after the other, until one of them meets an error."""
+    """Items that threads take one after the other, until one of them fails."""
 
     empty = object()
 
@@ -116,19 +118,19 @@ class _Queue:
         self._errors: list[BaseException] = []
 
     def take(self) -> Any:
-        """The next item, or ``empty``."""
+        """Return the next item, or ``empty``."""
         with self._turn:
             return next(self._items, self.empty)
 
-    def work(self, stop: Callable[[], bool] = lambda: False, tell: Callable[[], None] = lambda: None) -> None:
-        """Do item after item; ``tell`` of each that is done."""
+    def work(self, stop: Callable[[], bool] = lambda: False, report: Callable[[], None] = lambda: None) -> None:
+        """Process item after item; call ``report`` after each."""
         try:
             while not self.halted and not stop():
                 item = self.take()
                 if item is self.empty:
                     return
                 self._task(item)
-                tell()
+                report()
         except BaseException as error:  # noqa: BLE001  (raised in the caller's thread)
             self.halted = True
             self._errors.append(error)
@@ -140,17 +142,17 @@ class _Queue:
 
 
 def _join(workers: Iterable[threading.Thread]) -> None:
-    """Wait for threads that were started."""
+    """Wait for the threads that were started."""
     for worker in workers:
         if worker.ident is not None:
             worker.join()
 
 
 def _start(workers: Iterable[threading.Thread]) -> int:
-    """Start threads while the system gives any; how many."""
+    """Start threads as long as that succeeds; return how many were started."""
     started = 0
     for worker in workers:
-        if sys.is_finalizing():  # a new thread would wait for ever
+        if sys.is_finalizing():  # a new thread would wait forever
             break
         try:
             worker.start()
@@ -161,7 +163,7 @@ def _start(workers: Iterable[threading.Thread]) -> int:
 
 
 def _follow(news: SimpleQueue[bool], working: int, report: Callable[[int], None]) -> None:
-    """Report finished items until all threads have left."""
+    """Report finished items until all threads have ended."""
     done = 0
     while working:
         try:
@@ -176,21 +178,21 @@ def _follow(news: SimpleQueue[bool], working: int, report: Callable[[int], None]
 
 
 def share_out(task: Callable[[int, int], object], n: int, threads: int | None) -> None:
-    """Call ``task`` with ranges (begin, end) that make up 0 .. n, here or on several threads, whichever is sooner.
+    """Call ``task`` with ranges (begin, end) that cover 0 .. n, in this thread or on several, whichever is faster.
 
     Parameters
     ----------
     task : callable
-        Works on the rows of a range; releases the interpreter's lock while it does.
+        Processes the rows of a range; releases the GIL while it works.
     n : int
         Rows.
     threads : int or None
-        As ``thread_count`` takes it.
+        Argument of ``thread_count``.
 
     Notes
     -----
-    The first rows are done here. How long they take tells whether the others are worth threads, and how many to hand
-    out at a time: few enough for Ctrl-C to be noticed soon, and fewer towards the end, so that threads end together.
+    The first rows are processed in this thread. Their time decides whether threads pay for the others, and how many
+    rows a range has: few enough for Ctrl-C to take effect soon, fewer towards the end, so that threads end together.
     """
     count, pace = thread_count(threads), 0.0
 
@@ -202,7 +204,7 @@ def share_out(task: Callable[[int, int], object], n: int, threads: int | None) -
 
     def parts(begin: int) -> Iterator[tuple[int, int]]:
         while begin < n:
-            rows = min(MOST, PIECE / max(pace, 1e-12), max(LEAST, (n - begin) / max(count, 1)))
+            rows = min(MAX_RANGE, PIECE / max(pace, 1e-12), max(MIN_RANGE, (n - begin) / max(count, 1)))
             end = min(n, begin + max(int(rows) // GRAIN, 1) * GRAIN)
             yield begin, end
             begin = end

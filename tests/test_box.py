@@ -5,7 +5,7 @@ import pytest
 
 import rays
 import raytrace as rt
-from raytrace.accel.box import beam_test, make_beam, make_slabs, slab_test
+from raytrace.accel.box import bounds_test, make_packet_bounds, make_slabs, slab_test
 from raytrace.accel.lanes import packet_width
 from raytrace.jit import interpreted as plain
 
@@ -127,7 +127,7 @@ def test_components_next_to_nothing_are_like_zeros(precision):
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
-def test_a_beam_meets_every_box_that_one_of_its_rays_meets(precision):
+def test_packet_bounds_meet_every_box_that_one_of_the_rays_meets(precision):
     """Intervals may only be too wide: of rays aimed at the corners and sides of boxes, none is lost."""
     rng = np.random.default_rng(8)
     width, eps, lost, culled = packet_width(np.empty(0, precision)), np.finfo(precision).eps, 0, 0
@@ -143,8 +143,8 @@ def test_a_beam_meets_every_box_that_one_of_its_rays_meets(precision):
         tmin, tmax = np.zeros(width, precision), np.full(width, 1.5, precision)
         alive = rng.random(width) < 0.8
         alive[0] = True
-        beam = plain(make_beam)(tuple(o.T), slabs, tmin, alive, eps)
-        met = plain(beam_test)(beam, near, far, tmax.max())
+        bounds = plain(make_packet_bounds)(tuple(o.T), slabs, tmin, alive, eps)
+        met = plain(bounds_test)(bounds, near, far, tmax.max())
         entered = [plain(slab_test)(slabs, near[:, k], far[:, k], tmin, tmax)[1][alive].any() for k in range(8)]
         lost += np.count_nonzero(entered & ~met)
         culled += np.count_nonzero(~met)

@@ -183,7 +183,7 @@ def test_a_tree_needs_both_arrays():
         ValueError, match="faces: missing; pass vertices and faces, or one mesh that has both, got a nd"
     ):
         rt.BVH(SQUARE[0])
-    with pytest.raises(ValueError, match="faces: the first argument is a mesh, which has its own; leave them out"):
+    with pytest.raises(ValueError, match="faces: the first argument is a mesh, which has its own faces; omit them"):
         rt.BVH(mesh, SQUARE[1])
     with pytest.raises(ValueError, match="faces: row 0 is"):
         rt.BVH(SimpleNamespace(vertices=SQUARE[0], faces=SQUARE[1] + 9))

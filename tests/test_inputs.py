@@ -143,7 +143,7 @@ def test_elements_that_kernels_cannot_count_are_not_read_in_place():
 def small_parts(monkeypatch):
     """Threads that need little scratch memory, so that what is copied stands out."""
     for module in (bvh_module, parallel):
-        monkeypatch.setattr(module, "MOST", 1 << 13)
+        monkeypatch.setattr(module, "MAX_RANGE", 1 << 13)
 
 
 @pytest.mark.usefixtures("small_parts")

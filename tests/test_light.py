@@ -7,7 +7,8 @@ import pytest
 import exact_optics as exact
 import rays
 import raytrace as rt
-from raytrace.passes.light import ROUNDINGS, SPAN, background, reflect_light, shadow_rays, triangles_at
+from raytrace.accel.hit_points import ROUNDINGS
+from raytrace.passes.light import SPAN, background, reflect_light, shadow_rays, triangles_at
 from raytrace.records import Hits, Points, Shading, Shadows
 
 pytestmark = pytest.mark.engine

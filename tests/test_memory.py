@@ -17,7 +17,7 @@ from raytrace import memory
 from raytrace.cli import main
 from raytrace.errors import FileError, OptionError
 from raytrace.jit import PLAIN
-from raytrace.memory import Allowance, Drawing, Trees, check_drawing, free, resident
+from raytrace.memory import Allowance, RenderSize, Trees, check_render, free, resident
 from raytrace.scene import make
 from scene_files import scene, triangle_glb, write
 
@@ -113,7 +113,9 @@ def test_words_for_what_lacks_say_how_much_and_the_cure():
     assert "takes about 8.0 GiB of memory, 2.0 GiB are allowed; use less, or allow more by --max-memory" in told
     assert " are free; " in Allowance().lacks(2**60, "x")
     assert Allowance(0).left == 0
-    full = "takes about 1 MiB of memory, and the process has all that it may have already; allow more by --max-memory"
+    full = (
+        "takes about 1 MiB of memory, and the process has already reached its memory limit; allow more by --max-memory"
+    )
     assert full in Allowance(0).lacks(2**20, "use less")
 
 
@@ -121,26 +123,26 @@ def test_words_for_what_lacks_say_how_much_and_the_cure():
 @pytest.mark.parametrize(
     ("drawing", "trees", "cure"),
     [
-        (Drawing(2**28, False, False, 4, 2**15), Trees(36, 1, 4, False, True), "a smaller film by --size"),
+        (RenderSize(2**28, False, False, 4, 2**15), Trees(36, 1, 4, False, True), "a smaller film by --size"),
         (
-            Drawing(2**10, False, False, 4, 2**15),
+            RenderSize(2**10, False, False, 4, 2**15),
             Trees(2**27, 1, 8, False, True),
             "simplify the meshes",
         ),
-        (Drawing(2**10, False, False, 4, 2**26), Trees(2**10, 1, 8, True, True), "fewer --threads"),
+        (RenderSize(2**10, False, False, 4, 2**26), Trees(2**10, 1, 8, True, True), "fewer --threads"),
     ],
 )
 def test_what_takes_most_is_what_to_lower(drawing, trees, cure):
     with pytest.raises(OptionError, match=cure):
-        check_drawing(drawing, trees, 2**30)
-    check_drawing(drawing, trees, 2**50)
+        check_render(drawing, trees, 2**30)
+    check_render(drawing, trees, 2**50)
 
 
 @counted
 def test_a_film_is_refused_before_it_is_made(monkeypatch):
     loaded = rt.load(BOX)
     monkeypatch.setattr("raytrace.rendering.rendering.Run", None)
-    with pytest.raises(OptionError, match=r"^memory: the picture, with .* for 268,435,456 pixels, .*--size"):
+    with pytest.raises(OptionError, match=r"^memory: the image, with .* for 268,435,456 pixels, .*--size"):
         rt.render(loaded, size=(16384, 16384), max_memory=2**32)
     monkeypatch.setattr(memory, "free", lambda: 2.0**20)
     with pytest.raises(OptionError, match="are free"):
@@ -228,7 +230,7 @@ def test_the_command_line_takes_sizes(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main.main([str(BOX), "--max-memory", "4G", "--size", "8000x8000"]) == 2
     told = capsys.readouterr().err
-    assert told.startswith("memory: the picture, with 10.6 GiB for 64,000,000 pixels")
+    assert told.startswith("memory: the image, with 10.6 GiB for 64,000,000 pixels")
     assert told.count("\n") == 1
     assert main.main([str(BOX), "--max-memory", "64G", "--size", "8x8", "--spp", "1", "--quiet"]) == 0
     for text in ("-1", "0", "x", "1Q", "nan", "inf", ""):
@@ -247,7 +249,7 @@ def test_from_four_on_the_number_of_samples_does_not_count(monkeypatch):
         asked.append(drawing)
         raise KeyError
 
-    monkeypatch.setattr("raytrace.rendering.rendering.check_drawing", ask)
+    monkeypatch.setattr("raytrace.rendering.rendering.check_render", ask)
     for spp in (1, 3, 4, 16, 65536):
         with pytest.raises(KeyError):
             rt.render(BOX, spp=spp, size=(512, 512))

@@ -72,7 +72,7 @@ def test_meshes_that_take_too_much(folder, what, capsys):
 def test_a_picture_that_takes_too_much(folder, capsys, monkeypatch):
     path = str(write(folder, scene()))
     assert main.main([path, "--max-memory=1M", "--size", "4096x4096", "-o", str(folder / "a.png")]) == 2
-    assert capsys.readouterr().err.startswith("memory: the picture, ")
+    assert capsys.readouterr().err.startswith("memory: the image, ")
 
     def full(*_args, **_more):
         raise MemoryError

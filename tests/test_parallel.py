@@ -172,7 +172,7 @@ def test_little_work_stays_in_the_callers_thread(ranges):
 
 def test_ranges_are_as_long_as_an_interrupt_may_wait(ranges):
     most = {pace: max(end - begin for begin, end in ranges(9_000_000, 1, pace)[0]) for pace in (1e-5, 1e-6, 1e-9, 0)}
-    assert most == {1e-5: 9216, 1e-6: 99328, 1e-9: parallel.MOST, 0: parallel.MOST}
+    assert most == {1e-5: 9216, 1e-6: 99328, 1e-9: parallel.MAX_RANGE, 0: parallel.MAX_RANGE}
     assert len(ranges(10_000, 2, 1e-3)[0]) == 10  # 1024 rows take 1 s: there is nothing shorter
 
 
@@ -180,8 +180,8 @@ def test_ranges_get_shorter_towards_the_end(ranges):
     for threads in (1, 3):
         sizes = [end - begin for begin, end in ranges(2_000_000, threads, 1e-8)[0][1:]]
         assert sizes == sorted(sizes, reverse=True)
-        assert sizes[0] == parallel.MOST
-        assert all(size <= max(parallel.LEAST, sum(sizes[k:]) / threads) for k, size in enumerate(sizes))
+        assert sizes[0] == parallel.MAX_RANGE
+        assert all(size <= max(parallel.MIN_RANGE, sum(sizes[k:]) / threads) for k, size in enumerate(sizes))
 
 
 @pytest.mark.parametrize(("n", "threads"), [(100, 1), (100_000, 1), (100_000, 2)])

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace.accel import bvh
-from raytrace.passes import surface
+from raytrace.accel import hit_points
 from raytrace.scene.precision import (
     FLOAT32_LEVELS,
     FLOAT32_RANGE,
@@ -225,8 +224,7 @@ def test_a_small_object_near_the_origin_may_stand_beside_a_huge_one():
 
 def test_the_bound_is_that_of_points_on_surfaces():
     """3 roundings of a coordinate and 12 of the triangle's extent, which is at most twice the largest coordinate."""
-    assert (surface.ROUNDINGS, surface.EXTENTS) == (bvh.ROUNDINGS, bvh.EXTENTS)
-    assert surface.ROUNDINGS * (1 + 2 * surface.EXTENTS) == GAMMA
+    assert hit_points.ROUNDINGS * (1 + 2 * hit_points.EXTENTS) == GAMMA
 
 
 def test_the_limits_are_where_areas_and_their_errors_are_normal_numbers():

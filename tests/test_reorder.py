@@ -43,11 +43,11 @@ def test_keys_are_sorted_and_no_ray_is_lost(precision):
     bvh = rt.BVH(*rays.soup(3000, seed=1, size=0.05), precision)
     n = 5003
     o, d = scattered(n, 4, precision)
-    room = reorder.make_room(n, np.dtype(precision), bvh.work())
+    scratch = reorder.make_sort_scratch(n, np.dtype(precision), bvh.work())
     asked, kept = batch(o, d, precision)
-    row = reorder.sort_rays(asked, n, bvh.grid, room)
-    assert (np.diff(room.keys[row, :n]) >= 0).all()
-    assert np.array_equal(np.sort(room.numbers[row, :n]), np.arange(n))
+    row = reorder.sort_rays(asked, n, bvh.grid, scratch)
+    assert (np.diff(scratch.keys[row, :n]) >= 0).all()
+    assert np.array_equal(np.sort(scratch.numbers[row, :n]), np.arange(n))
     assert len(kept) == 4
 
 
@@ -58,12 +58,12 @@ def test_a_key_is_the_cell_of_the_origin_and_the_kind_of_the_direction(precision
     grid = reorder.Grid(np.full(3, -1.0).astype(precision), np.full(3, 2.0).astype(precision), 2)
     o = np.array([[-1, -1, -1], [0.99, -1, -1], [-1, -0.4, -1], [-1, -1, 0.1], [5, -7, 0], [0, 0, 0]])
     d = np.array([[3, 1, 2], [-3, 1, 2], [1, -3, 2], [1, 2, -3], [1, 1, 1], [0, 0, -0.0]])
-    room = reorder.make_room(len(o), np.dtype(precision), bvh.work())
+    scratch = reorder.make_sort_scratch(len(o), np.dtype(precision), bvh.work())
     asked, kept = batch(o, d, precision)
-    reorder.sort_rays(asked, len(o), grid, room)
+    reorder.sort_rays(asked, len(o), grid, scratch)
     got = np.empty(len(o), int)
-    rows = [row for row in (0, 1) if sorted(room.numbers[row, : len(o)]) == list(range(len(o)))]
-    got[room.numbers[rows[-1], : len(o)]] = room.keys[rows[-1], : len(o)]
+    rows = [row for row in (0, 1) if sorted(scratch.numbers[row, : len(o)]) == list(range(len(o)))]
+    got[scratch.numbers[rows[-1], : len(o)]] = scratch.keys[rows[-1], : len(o)]
     cells = [0, 0b001001, 0b000010, 0b100000, 0b101001, 0b111000]
     kinds = [0, 1, 8 + 2, 16 + 4, 0, 0]
     assert got.tolist() == [cell << 5 | kind for cell, kind in zip(cells, kinds, strict=True)]
@@ -79,20 +79,20 @@ def test_rays_that_are_in_order_stay_in_it_and_others_are_sorted(precision, monk
     o = np.broadcast_to([0.0, 0, 3], d.shape)
     sorted_at, real = [], reorder._sorted
 
-    def spy(rays, n, grid, room):
+    def spy(rays, n, grid, scratch):
         sorted_at.append(n)
-        return real(rays, n, grid, room)
+        return real(rays, n, grid, scratch)
 
     monkeypatch.setattr(reorder, "_sorted", spy)
-    room = reorder.make_room(len(d), np.dtype(precision), bvh.work())
+    scratch = reorder.make_sort_scratch(len(d), np.dtype(precision), bvh.work())
     asked, kept = batch(o, d, precision)
-    assert reorder.changes(asked, len(d), bvh.grid, room) < 0.2 * reorder.SAMPLE
+    assert reorder.changes(asked, len(d), bvh.grid, scratch) < 0.2 * reorder.SAMPLE
     bvh.closest_hit(o, d)
     bvh.any_hit(o, d)
     assert sorted_at == []
     o, d = np.random.default_rng(5).permutation(bvh.vertices)[:2000], d[:2000]
     asked, kept = batch(o, d, precision)
-    assert reorder.changes(asked, 2000, bvh.grid, room) > 0.8 * reorder.SAMPLE
+    assert reorder.changes(asked, 2000, bvh.grid, scratch) > 0.8 * reorder.SAMPLE
     bvh.closest_hit(o, d)
     bvh.any_hit(o, d)
     assert sum(sorted_at) == 4000  # chunk by chunk
@@ -108,9 +108,9 @@ def test_changes_are_counted_between_neighbours_whatever_the_width_of_registers(
     d = np.stack([signs, np.full(n, 0.5), np.full(n, 0.25)], axis=1)
     starts = [part * (n - rays.PACKET) // (reorder.SAMPLE // rays.PACKET - 1) for part in range(16)]
     expected = sum(np.count_nonzero(np.diff(signs[start : start + rays.PACKET])) for start in starts)
-    room = reorder.make_room(n, np.dtype(precision), bvh.work())
+    scratch = reorder.make_sort_scratch(n, np.dtype(precision), bvh.work())
     asked, kept = batch(0 * d, d, precision)
-    assert reorder.changes(asked, n, bvh.grid, room) == expected
+    assert reorder.changes(asked, n, bvh.grid, scratch) == expected
     assert len(kept) == 4
 
 

@@ -79,7 +79,7 @@ def test_a_file_that_others_may_write_is_compiled_anew(fresh, caplog):
     store.path_of(NAME, KINDS).chmod(0o666)
     with caplog.at_level(logging.WARNING, "raytrace"):
         assert store.find(NAME, KINDS) is None
-    assert "can be written by other users (mode 666): it is compiled anew" in caplog.text
+    assert "can be written by other users (mode 666): it is compiled again" in caplog.text
     assert store.keep(NAME, KINDS, CODE)
     assert store.find(NAME, KINDS) == CODE
 

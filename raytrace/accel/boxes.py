@@ -1,6 +1,6 @@
-"""Axis-aligned boxes while a tree is built: eight numbers side by side, so that one minimum of lanes merges two.
+"""Axis-aligned boxes of the build: eight numbers side by side, so that one minimum of lanes merges two boxes.
 
-A box is low x, y, z, 0, -high x, -high y, -high z, 0 from element i of a flat array on.
+A box at element i of a flat array is: low x, y, z, 0, -high x, -high y, -high z, 0.
 """
 
 import numpy as np

@@ -9,20 +9,20 @@ from numpy.typing import NDArray
 from raytrace import parallel
 from raytrace.accel.boxes import BOX, clear
 from raytrace.accel.flatten import flatten
-from raytrace.accel.grow import MAX_DEPTH, SPLITS, Part, grow, make_binary, make_scratch
+from raytrace.accel.grow import MAX_DEPTH, SPLITS, Subtree, grow, make_binary, make_grow_scratch
 from raytrace.accel.lanes import NODE
 from raytrace.accel.layout import boxes_of, children_of, make_leaves, make_nodes
 from raytrace.jit import inlined, interpreted, kernel
 from raytrace.records import MollerTrumboreLeaves, Tree, WatertightLeaves
 
-FEW = 64  # triangles: up to so many the interpreter builds their tree, in less time than the first run would compile
-PARTS, MIN_PART = 32, 4096  # the tree is shared out in parts of at most 1 / PARTS of the triangles, unless they are few
+SMALL_MESH = 64  # triangles: up to so many, the interpreter builds the tree, which is faster than compilation
+SUBTREES, MIN_SUBTREE = 32, 4096  # threads build subtrees of at most 1 / SUBTREES of the triangles, or MIN_SUBTREE
 STRETCH = 32768  # triangles that a thread measures at a time
 LEAVES = {"watertight": WatertightLeaves, "moller-trumbore": MollerTrumboreLeaves}
 
 
-class Mesh(NamedTuple):
-    """A mesh of m triangles, and what is measured of it."""
+class MeasuredMesh(NamedTuple):
+    """A mesh of m triangles, with their normals and bounds."""
 
     vertices: NDArray[np.floating]  # (v, 3) f
     faces: NDArray[np.int32]  # (m, 3)
@@ -41,7 +41,7 @@ class Steps(NamedTuple):
 
 @inlined
 def product_error(a, b, p):
-    """Compute a b - p exactly, for p = a b rounded, by splitting both into halves [Dekker1971]."""
+    """A b - p exactly, for p = a b rounded, by splitting both factors into halves [Dekker1971]."""
     ca, cb = 134217729.0 * a, 134217729.0 * b
     a_high, b_high = ca - (ca - a), cb - (cb - b)
     a_low, b_low = a - a_high, b - b_high
@@ -50,14 +50,17 @@ def product_error(a, b, p):
 
 @inlined
 def minor(a, b, c, d):
-    """Compute a d - b c to nearly full precision, and zero only if it is."""
+    """A d - b c to nearly full precision; zero only if it is exactly zero."""
     p, q = a * d, b * c
     return (p - q) + (product_error(a, d, p) - product_error(b, c, q))
 
 
 @kernel
 def measure(vertices, faces, triangles, boxes, order, corner):
-    """Rows of vertices and unit normals; bounds and numbers of the triangles that have an area; how many they are."""
+    """Write the vertices and unit normal of each triangle; return the number of triangles that have an area.
+
+    Their bounds and numbers are written to ``boxes`` and ``order``.
+    """
     number = 0
     for k in range(len(faces)):
         clear(boxes, BOX * number)
@@ -85,7 +88,7 @@ def measure(vertices, faces, triangles, boxes, order, corner):
 
 
 def build(vertices, faces, split, triangle):
-    """Tree of a mesh.
+    """Build the tree of a mesh.
 
     Parameters
     ----------
@@ -102,10 +105,10 @@ def build(vertices, faces, split, triangle):
     levels : int
     """
     m, dtype = len(faces), vertices.dtype
-    steps = Steps(*(interpreted(kernel) if m <= FEW else kernel for kernel in (measure, grow, flatten)))
+    steps = Steps(*(interpreted(kernel) if m <= SMALL_MESH else kernel for kernel in (measure, grow, flatten)))
     triangles, boxes, order = np.empty((m, 12), dtype), np.empty(BOX * (m + 1), dtype), np.empty(m, np.int32)
     with np.errstate(all="ignore"):
-        n = _measure_all(Mesh(vertices, faces, triangles, boxes, order), steps.measure)
+        n = _measure_all(MeasuredMesh(vertices, faces, triangles, boxes, order), steps.measure)
         binary, count = _grow_all(make_binary(order[:n].copy(), boxes), SPLITS[split], steps.grow)
         nodes, leaves = make_nodes(max(count // 2, 1), dtype), make_leaves(LEAVES[triangle], (count + 1) // 2, dtype)
         stack = np.empty((NODE * (MAX_DEPTH + 64), 3), np.int64)
@@ -117,7 +120,7 @@ def build(vertices, faces, split, triangle):
 
 
 def _measure_all(mesh, measure):
-    """Measure triangles, stretch by stretch on all threads; how many have an area. Theirs are then the first boxes."""
+    """Measure triangles on all threads; return how many have an area. Their boxes come first then."""
     m, counts = len(mesh.faces), {}
 
     def stretch(begin):
@@ -133,7 +136,7 @@ def _measure_all(mesh, measure):
     n = 0
     for begin in range(0, m, STRETCH):
         end = begin + counts[begin]
-        if n < begin:  # triangles without area were left out before
+        if n < begin:  # triangles before these had no area
             mesh.boxes[BOX * n : BOX * (n + end - begin)] = mesh.boxes[BOX * begin : BOX * end].copy()
             mesh.order[n : n + end - begin] = mesh.order[begin:end].copy()
         n += end - begin
@@ -141,7 +144,7 @@ def _measure_all(mesh, measure):
 
 
 def _extent(nodes):
-    """Low and high corner of a tree, and the side of a cube whose surface is the mean of its leaves'."""
+    """Low and high corner of a tree, and the side of a usual leaf: a cube whose surface is the mean of all leaves'."""
     boxes, leaf = boxes_of(nodes), children_of(nodes) < 0
     low, high = boxes[0, :3].min(axis=1), boxes[0, 3:].max(axis=1)
     x, y, z = (boxes[:, 3:] - boxes[:, :3]).transpose(1, 0, 2)
@@ -150,25 +153,26 @@ def _extent(nodes):
 
 
 def _grow_all(binary, split, grow):
-    """Grow the top of a tree, then its parts on all threads; the tree, and how many nodes it has.
+    """Grow the top of a tree, then its subtrees on all threads; return the tree and its number of nodes.
 
-    Where the parts begin and where their nodes lie depends on the triangles alone, and so does the tree.
+    The roots of subtrees and the places of their nodes depend on the triangles alone, and so does the tree.
     """
     n, dtype = len(binary.order), binary.boxes.dtype
     binary.count[0] = n
-    few = max(n // PARTS, MIN_PART)
-    used = grow(binary, split, NODE, Part(0, 0, 1, few), make_scratch(dtype))
+    small = max(n // SUBTREES, MIN_SUBTREE)
+    used = grow(binary, split, NODE, Subtree(0, 0, 1, small), make_grow_scratch(dtype))
     pending = np.flatnonzero(binary.left[:used] < 0)
     free = used + 2 * np.cumsum(binary.count[pending]) - 2 * binary.count[pending]
-    parts = [Part(int(node), int(~binary.left[node]), int(first), 0) for node, first in zip(pending, free, strict=True)]
+    roots = zip(pending, free, strict=True)
+    subtrees = [Subtree(int(node), int(~binary.left[node]), int(first), 0) for node, first in roots]
     counts = [used]
 
-    def finish(part):
-        counts.append(grow(binary, split, NODE, part, make_scratch(dtype)) - part.free)
+    def finish(subtree):
+        counts.append(grow(binary, split, NODE, subtree, make_grow_scratch(dtype)) - subtree.free)
 
-    if n > MIN_PART:
-        parallel.together(finish, parts, None)
+    if n > MIN_SUBTREE:
+        parallel.together(finish, subtrees, None)
     else:
-        for part in parts:
-            finish(part)
+        for subtree in subtrees:
+            finish(subtree)
     return binary, sum(counts)

@@ -1,8 +1,8 @@
-"""A bundle: packets whose rays run close together go through the tree as one, behind a frustum.
+"""A bundle: up to four packets whose rays run close together go through the tree as one, behind a frustum.
 
-Boxes and triangles outside of the frustum are left out, eight at a time; what is left is tested against the rays as in
-a packet, with the same bits. Groups of neighbouring rays have frusta of their own, all in one register: they tell which
-packets of the bundle a box concerns.
+Boxes and triangles outside the frustum are skipped, eight at a time. What is left is tested against the rays as in a
+packet, with bit-identical results. Each group of neighbouring rays has a frustum of its own, and the frusta of all
+groups fill one register. They decide which packets of the bundle are tested.
 """
 
 from typing import NamedTuple
@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.accel.frustum import Frustum, boxes_in, groups_at, triangles_in
-from raytrace.accel.kinds import FRAME, HIT, TMIN, Axes, frame_of, hits_row, put, row, slot
 from raytrace.accel.lanes import (
     bits,
     first_bit,
@@ -19,20 +18,35 @@ from raytrace.accel.lanes import (
     group_size,
     lane_max,
     lane_numbers,
-    load,
     packet,
     peek,
     select,
     splat,
-    store,
 )
 from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, PRESENT, PRIM_ID
+from raytrace.accel.octants import Axes
 from raytrace.accel.packet import one_triangle
+from raytrace.accel.scratch import (
+    FRAME_DZ,
+    FRAME_Z,
+    HIT_T,
+    HIT_U,
+    HIT_V,
+    OCCLUDED,
+    TMAX,
+    TMIN,
+    read_frame,
+    read_prim_id,
+    read_row,
+    write_prim_id,
+    write_rows,
+)
 from raytrace.accel.stack import ROOT, push
 from raytrace.accel.triangle import intersect
 from raytrace.jit import inlined
+from raytrace.records import Tree, Work
 
-BUNDLE = 4  # packets, at most: as many as a group has rays, so that all groups fill a register
+BUNDLE = 4  # most packets of a bundle: as many as a group has rays, so that all groups fill a register
 GROUPS = 0x1111  # bits of the groups of a bundle's first packet; shifted by r, of packet r
 
 
@@ -45,82 +59,93 @@ class Bundle(NamedTuple):
     count: int  # packets
 
 
-def unbundled(tree):
-    """The same tree, through which rays go in packets or alone: no bundle is narrow enough."""
+class Ends(NamedTuple):
+    """Largest sense * z that the rays of a bundle can still reach; see ``Frustum.sense``."""
+
+    whole: float  # number: of all rays
+    groups: float  # lanes: of the rays of each group
+
+
+def unbundled(tree: Tree) -> Tree:
+    """Return the same tree without bundles: its usual leaf has side -1, for which no bundle is narrow enough."""
     return tree._replace(extent=np.append(tree.extent[:6], tree.extent.dtype.type(-1)))
 
 
 @inlined
-def enter_bundle(tree, node, bundle, ends, top, work):
-    """Push the children of a node that groups of a bundle meet."""
+def enter_bundle(tree: Tree, node: int, bundle: Bundle, ends: Ends, top: int, work: Work):
+    """Push the children of a node that any group of a bundle meets; return the new height of the stack."""
     base, at = top, node * NODE_SIZE
-    inside, first = boxes_in(tree.nodes.bounds, at, bundle.whole, bundle.axes, ends[0])
+    inside, first = boxes_in(tree.nodes.bounds, at, bundle.whole, bundle.axes, ends.whole)
     left = bits(inside) & np.int64(peek(tree.nodes.child, at + PRESENT))
     work.counts[0] += 1
     while left != 0:
         k = first_bit(left)
         left &= left - 1
-        met = bits(groups_at(tree.nodes.bounds, at + k, bundle.groups, bundle.axes, ends[1]))
+        met = bits(groups_at(tree.nodes.bounds, at + k, bundle.groups, bundle.axes, ends.groups))
         if met != 0:
             top = push(work, base, top, first[k], peek(tree.nodes.child, at + CHILD + k), met)
     return top
 
 
 @inlined
-def ends_of(bundle, work):
-    """The largest sense * z that a bundle still reaches, and that each of its groups does."""
+def ends_of(bundle: Bundle, work: Work) -> Ends:
+    """Where the rays of a bundle end, after the hits so far."""
     like = packet(work.lanes)
     ends = splat(-np.inf, like)
     member = lane_numbers(like) & np.int32(group_size(work.lanes) - 1)
     for r in range(bundle.count):
-        t, dz = row(work, slot(r) + HIT, like), row(work, slot(r) + FRAME + 5, like)
-        end = fma(t, dz * bundle.whole.sense, row(work, slot(r) + FRAME + 2, like) * bundle.whole.sense)
-        end = select(row(work, slot(r) + TMIN, like) < t, end, -np.inf)
+        t, dz = read_row(work, r, HIT_T, like), read_row(work, r, FRAME_DZ, like)
+        end = fma(t, dz * bundle.whole.sense, read_row(work, r, FRAME_Z, like) * bundle.whole.sense)
+        end = select(read_row(work, r, TMIN, like) < t, end, -np.inf)
         ends = select(member == np.int32(r), group_max(end), ends)
     ends = ends + bundle.whole.margin
-    return lane_max(ends), ends
+    return Ends(lane_max(ends), ends)
 
 
 @inlined
-def closest_in_packet(tree, at, r, axes, work):
-    """Test the triangle of lane ``at`` of the leaves against packet r of a bundle; whether any ray hits it first."""
-    like, prims = packet(work.lanes), hits_row(work, r)
+def closest_in_packet(tree: Tree, at: int, r: int, axes: Axes, work: Work):
+    """Test packet r of a bundle against the triangle in lane ``at`` of the leaves; whether it is the nearest of any."""
+    like = packet(work.lanes)
     triangle = one_triangle(tree.leaves.rows, at, axes)
-    inside, t_new, u_new, v_new = intersect(tree.leaves, frame_of(work, r, like), triangle)
+    inside, t_new, u_new, v_new = intersect(tree.leaves, read_frame(work, r, like), triangle)
     if bits(inside) == 0:
         return False
     number = np.int32(peek(tree.leaves.prim_id, at + PRIM_ID))
-    t, prim = row(work, slot(r) + HIT, like), load(work.prim_id, prims, like)
-    inside = inside & (t_new > row(work, slot(r) + TMIN, like))
+    t, prim = read_row(work, r, HIT_T, like), read_prim_id(work, r, like)
+    inside = inside & (t_new > read_row(work, r, TMIN, like))
     inside = inside & ((t_new < t) | ((t_new == t) & (number < prim)))
     if bits(inside) == 0:
         return False
-    u, v = row(work, slot(r) + HIT + 1, like), row(work, slot(r) + HIT + 2, like)
-    put(work, slot(r) + HIT, (select(inside, t_new, t), select(inside, u_new, u), select(inside, v_new, v)))
-    store(work.prim_id, prims, select(inside, number, prim))
+    u, v = read_row(work, r, HIT_U, like), read_row(work, r, HIT_V, like)
+    write_rows(work, r, HIT_T, (select(inside, t_new, t), select(inside, u_new, u), select(inside, v_new, v)))
+    write_prim_id(work, r, select(inside, number, prim))
     return True
 
 
 @inlined
-def any_in_packet(tree, at, r, axes, work):
-    """End the rays of packet r of a bundle that hit the triangle of lane ``at`` of the leaves; whether any does.
+def any_in_packet(tree: Tree, at: int, r: int, axes: Axes, work: Work):
+    """Test packet r of a bundle against the triangle in lane ``at`` of the leaves; whether any ray hits it.
 
-    Their tmax becomes -inf, and u 1.
+    For rays that hit it, tmax becomes -inf and the occluded flag 1.
     """
     like = packet(work.lanes)
     triangle = one_triangle(tree.leaves.rows, at, axes)
-    inside, t, _, _ = intersect(tree.leaves, frame_of(work, r, like), triangle)
+    inside, t, _, _ = intersect(tree.leaves, read_frame(work, r, like), triangle)
     if bits(inside) == 0:
         return False
-    tmax, hit = row(work, slot(r) + HIT, like), row(work, slot(r) + HIT + 1, like)
-    inside = inside & (t > row(work, slot(r) + TMIN, like)) & (t < tmax)
-    put(work, slot(r) + HIT, (select(inside, splat(-np.inf, like), tmax), select(inside, splat(1.0, like), hit)))
+    tmax, occluded = read_row(work, r, TMAX, like), read_row(work, r, OCCLUDED, like)
+    inside = inside & (t > read_row(work, r, TMIN, like)) & (t < tmax)
+    ended = select(inside, splat(-np.inf, like), tmax)
+    write_rows(work, r, TMAX, (ended, select(inside, splat(1.0, like), occluded)))
     return bits(inside) != 0
 
 
 @inlined
-def visit_leaf(tree, at, bundle, met, test, work):
-    """Test the triangles of a leaf that a frustum meets against the packets of some groups; whether any is hit."""
+def visit_leaf(tree: Tree, at: int, bundle: Bundle, met: int, test, work: Work):
+    """Test the triangles of a leaf that reach into the frustum against the packets of the groups ``met`` (bits).
+
+    Returns whether ``test`` reports a hit of any ray.
+    """
     found = False
     left = bits(triangles_in(tree.leaves.rows, at, bundle.whole, bundle.axes))
     while left != 0:
@@ -137,18 +162,18 @@ def visit_leaf(tree, at, bundle, met, test, work):
 
 
 @inlined
-def trace_bundle(tree, bundle, test, work):
-    """Take a bundle through the tree: the nearest hits of its rays, or the end of those that hit anything."""
+def trace_bundle(tree: Tree, bundle: Bundle, test, work: Work):
+    """Trace a bundle: nearest hits or occlusion, as ``test`` decides, are written to scratch memory."""
     ends = ends_of(bundle, work)
     top = push(work, 0, 0, -np.inf, ROOT, 1)
     while top > 0:
         top -= 1
-        if peek(work.t, top) > ends[0]:
+        if peek(work.t, top) > ends.whole:
             continue
         child = np.int64(peek(work.child, top))
         if child >= 0:
             top = enter_bundle(tree, child, bundle, ends, top, work)
             continue
-        met = np.int64(peek(work.alive, top)) & bits(ends[1] >= peek(work.t, top))
+        met = np.int64(peek(work.alive, top)) & bits(ends.groups >= peek(work.t, top))
         if met != 0 and visit_leaf(tree, ~child * LEAF_SIZE, bundle, met, test, work):
             ends = ends_of(bundle, work)

@@ -1,4 +1,4 @@
-"""``BVH``: checks at the door, then the queries on as many threads as wanted."""
+"""``BVH``: the public class; it checks its arguments, and runs the queries on several threads."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -7,15 +7,14 @@ from raytrace.accel import reorder
 from raytrace.accel.build import LEAVES, build
 from raytrace.accel.bundle import BUNDLE
 from raytrace.accel.grow import SPLITS
+from raytrace.accel.hit_points import blend, error_scale, gamma
 from raytrace.accel.inputs import MeshLike, check_faces, check_rays, check_vertices, mesh_arrays, one_of, rays_of
-from raytrace.accel.kinds import ROWS
 from raytrace.accel.lanes import NODE, PACKET
 from raytrace.accel.layout import aligned
+from raytrace.accel.scratch import ROWS
 from raytrace.accel.validate import TreeStats, tree_problems, tree_stats
-from raytrace.parallel import MOST, share_out
+from raytrace.parallel import MAX_RANGE, share_out
 from raytrace.records import Hits, Surface, Work
-
-ROUNDINGS, EXTENTS = 3, 4  # see passes/surface.py
 
 
 class BVH:
@@ -24,34 +23,34 @@ class BVH:
     Parameters
     ----------
     vertices : (v, 3) array_like of float, world units
-        Or a mesh: any object with ``vertices`` and ``faces``, such as a ``trimesh.Trimesh``; then leave out ``faces``.
+        Or a mesh: any object with ``vertices`` and ``faces``, such as a ``trimesh.Trimesh``. Then omit ``faces``.
     faces : (m, 3) array_like of int
         Rows of ``vertices``, counter-clockwise seen from the front.
     precision : {"float32", "float64"}
-        Of the tree, the rays and the answers.
+        Precision of the tree, the rays and the results.
     split : {"sah", "median"}
-        How the tree is built: binned surface area heuristic [Wald2007]_, or halves by count.
+        How the tree is built: by the binned surface area heuristic [Wald2007]_, or by halves of equal count.
     triangle : {"watertight", "moller-trumbore"}
         The triangle test: [Woop2013]_ with exact ties and distances from the plane, or [Moller1997]_ with the absolute
-        threshold |det| < 1e-5 of a course framework, kept to compare with.
+        threshold |det| < 1e-5 of a course framework, kept for comparison.
 
     Raises
     ------
     ValueError
-        Wrong shapes, vertices that are not finite, indices out of range, unknown options.
+        Wrong shapes, vertices that are not finite, indices out of range, or unknown options.
 
     Notes
     -----
-    A ray hits where t lies in the open interval (tmin, tmax). At equal t the lowest ``prim_id`` is returned, so that the
-    answer never depends on the tree, the batch or the thread. Triangles without area are never hit. Rays that are not
-    finite or have no direction hit nothing.
+    A hit counts if its t lies in the open interval (tmin, tmax). At equal t the lowest ``prim_id`` is returned, so that
+    the result never depends on the tree, the batch or the thread. Triangles without area are never hit. Rays that are
+    not finite or have no direction hit nothing.
 
-    Areas, and their rounding errors, must be normal numbers: the largest coordinate of a mesh may lie between 3e-16 and
-    1e18 in float32, between 1e-146 and 8e152 in float64, and is refused elsewhere.
+    Areas and their rounding errors must be normal numbers. So the largest coordinate of a mesh must lie between 3e-16
+    and 1e18 in float32, or between 1e-146 and 8e152 in float64; other meshes raise a ``ValueError``.
 
-    Rays may be arrays of any type and layout. Those of the tree's type are read where they lie; others are converted
-    part by part, so that memory for a second copy is never needed. A ``BVH`` may be shared by threads, copied, pickled
-    and used after a fork; Ctrl-C ends a query, which then answers nothing.
+    Rays may be arrays of any type and layout. Arrays of the tree's type are read in place. Others are converted in
+    pieces, so that no memory for a second copy is needed. A ``BVH`` can be shared by threads, copied, pickled and used
+    after a fork. Ctrl-C ends a query without a result.
 
     Examples
     --------
@@ -90,16 +89,16 @@ class BVH:
         tmax: ArrayLike = np.inf,
         threads: int | None = None,
     ) -> Hits:
-        """Nearest hit of each ray.
+        """Return the nearest hit of each ray.
 
         Parameters
         ----------
         origins, directions : (n, 3) array_like, world units
-            One of them may be a single row, which all rays share. Directions may have any length.
+            Either may be a single row, which all rays share. Directions may have any length.
         tmin, tmax : float or (n,) array_like, units of the direction
-            Open interval in which hits count.
+            Open interval in which a hit counts.
         threads : int, optional
-            Default: all cores of the process.
+            Default: one per core that the process may use.
 
         Returns
         -------
@@ -109,7 +108,7 @@ class BVH:
         Raises
         ------
         ValueError
-            Shapes that do not go together.
+            Shapes that do not match.
 
         Examples
         --------
@@ -121,16 +120,16 @@ class BVH:
         dtype = self.triangles.dtype
         rays, n = check_rays(origins, directions, tmin, tmax, dtype)
         size = dtype.itemsize
-        memory = np.empty(n * (3 * size + 4), np.uint8)  # one block, which the allocator gives again without new pages
+        memory = np.empty(n * (3 * size + 4), np.uint8)  # one block, which the allocator can reuse without new pages
         t, u, v = memory[: 3 * n * size].view(dtype).reshape(3, n)
         hits = Hits(t, memory[3 * n * size :].view(np.int32), u, v)
-        rooms: list[reorder.Room] = []
+        unused: list[reorder.SortScratch] = []
 
         def trace(begin: int, end: int) -> None:
             part = Hits(*(column[begin:end] for column in hits))
-            room = rooms.pop() if rooms else reorder.make_room(min(MOST, n), dtype, self.work())
-            reorder.closest_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, end - begin, room)
-            rooms.append(room)
+            scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.work())
+            reorder.closest_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, end - begin, scratch)
+            unused.append(scratch)
 
         share_out(trace, n, threads)
         return hits
@@ -143,7 +142,7 @@ class BVH:
         tmax: ArrayLike = np.inf,
         threads: int | None = None,
     ) -> NDArray[np.bool_]:
-        """Whether each ray hits anything; parameters as of ``closest_hit``.
+        """Return whether each ray hits anything; the parameters are those of ``closest_hit``.
 
         Returns
         -------
@@ -159,19 +158,19 @@ class BVH:
         dtype = self.triangles.dtype
         rays, n = check_rays(origins, directions, tmin, tmax, dtype)
         occluded = np.empty(n, np.bool_)
-        rooms: list[reorder.Room] = []
+        unused: list[reorder.SortScratch] = []
 
         def trace(begin: int, end: int) -> None:
             part = occluded[begin:end]
-            room = rooms.pop() if rooms else reorder.make_room(min(MOST, n), dtype, self.work())
-            reorder.any_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, end - begin, room)
-            rooms.append(room)
+            scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.work())
+            reorder.any_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, end - begin, scratch)
+            unused.append(scratch)
 
         share_out(trace, n, threads)
         return occluded
 
     def surface(self, hits: Hits) -> Surface:
-        """Points and normals of hits.
+        """Return points and normals of hits.
 
         Parameters
         ----------
@@ -181,9 +180,9 @@ class BVH:
         Returns
         -------
         Surface
-            ``p`` (n, 3), ``p_error`` (n, 3): absolute bound on its rounding error and on that of testing a ray from it
-            against the same triangle, ``ng`` (n, 3): unit geometric normal (v1 - v0) x (v2 - v0) normalised. NaN in
-            the rows of misses.
+            ``p`` (n, 3): points. ``p_error`` (n, 3): absolute bound on their rounding error, and on that of the test of
+            a ray from there against the same triangle. ``ng`` (n, 3): unit geometric normals, (v1 - v0) x (v2 - v0)
+            normalised. The rows of misses are NaN.
 
         Examples
         --------
@@ -197,15 +196,13 @@ class BVH:
         corners = np.where((prim_id >= 0)[:, None], corners, np.nan).astype(corners.dtype)
         v0, v1, v2, ng = corners[:, 0:3], corners[:, 3:6], corners[:, 6:9], corners[:, 9:12]
         u, v = np.asarray(hits.u)[:, None], np.asarray(hits.v)[:, None]
-        unit = np.finfo(corners.dtype).eps / 2
-        gamma = corners.dtype.type(ROUNDINGS * unit / (1 - ROUNDINGS * unit))
-        low, high = np.minimum(np.minimum(v0, v1), v2), np.maximum(np.maximum(v0, v1), v2)
-        p = v0 + (u * (v1 - v0) + v * (v2 - v0))
-        return Surface(p, gamma * (np.abs(p) + EXTENTS * (high - low)), ng)
+        relative = corners.dtype.type(gamma(np.finfo(corners.dtype).eps))
+        p = blend(v0, v1, v2, u, v)
+        return Surface(p, relative * error_scale(p, v0, v1, v2), ng)
 
     @property
     def stats(self) -> TreeStats:
-        """Numbers of the tree: triangles, nodes, leaves, levels, fill, SAH cost, bytes per triangle.
+        """Statistics of the tree: triangles, nodes, leaves, levels, fill, SAH cost, bytes per triangle.
 
         Examples
         --------
@@ -216,12 +213,12 @@ class BVH:
         return tree_stats(self.tree, self.levels)
 
     def validate(self) -> None:
-        """Check that every triangle lies in one leaf, every box holds what is below it, and all links are sound.
+        """Check that every triangle lies in one leaf, boxes contain what is below them, and all links are valid.
 
         Raises
         ------
         ValueError
-            What is wrong, a line each.
+            What is wrong, one line each.
 
         Examples
         --------
@@ -233,10 +230,10 @@ class BVH:
             raise ValueError("\n".join(problems))
 
     def work(self) -> Work:
-        """Scratch memory for one thread."""
-        room = (NODE - 1) * self.levels + 2
+        """Allocate scratch memory for one thread."""
+        height = (NODE - 1) * self.levels + 2
         dtype = self.triangles.dtype
-        stack = np.empty(room, dtype), np.empty(room, np.int32), np.empty(room, np.int32)
+        stack = np.empty(height, dtype), np.empty(height, np.int32), np.empty(height, np.int32)
         return Work(
             *stack,
             aligned((BUNDLE + 1) * ROWS * PACKET, dtype),

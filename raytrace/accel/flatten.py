@@ -1,18 +1,20 @@
-"""From a binary tree to what rays walk: eight children a node, eight triangles a leaf, side by side in lanes."""
+"""From the binary tree to the tree that rays traverse: eight children per node, eight triangles per leaf, in lanes."""
 
 import numpy as np
 
 from raytrace.accel.boxes import BOX, half_area, high, low
+from raytrace.accel.grow import Binary
 from raytrace.accel.lanes import NODE, machine_epsilon
-from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, PRESENT, PRIM_ID
+from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, PRESENT, PRIM_ID, Leaves
 from raytrace.jit import inlined, kernel
+from raytrace.records import Nodes
 
-WIDEN = 8.0  # machine epsilons of a leaf's largest coordinate: the rounding of the triangle test stays inside its box
+WIDEN = 8.0  # machine epsilons of a leaf's largest coordinate, so that hits stay in the box despite rounding
 
 
 @inlined
-def open_widest(tree, kids, number):
-    """Replace the inner child of largest area by its two children; False where all are leaves."""
+def open_widest(tree: Binary, kids, number: int) -> bool:
+    """Replace the inner child of largest area by its two children; return False where all are leaves."""
     widest, largest = -1, -1.0
     for k in range(number):
         if tree.left[kids[k]] > 0 and half_area(tree.bounds, BOX * kids[k]) > largest:
@@ -25,7 +27,7 @@ def open_widest(tree, kids, number):
 
 
 @inlined
-def fill_leaf(tree, node, leaves, leaf, triangles):
+def fill_leaf(tree: Binary, node: int, leaves: Leaves, leaf: int, triangles):
     """Copy the triangles of a binary leaf into the lanes of a leaf."""
     begin, count = tree.first[node], tree.count[node]
     for k in range(NODE):
@@ -37,8 +39,8 @@ def fill_leaf(tree, node, leaves, leaf, triangles):
 
 
 @inlined
-def fill_box(nodes, at, bounds, i, eps):
-    """Write a child's bounds, widened by the rounding of what is tested inside."""
+def fill_box(nodes: Nodes, at: int, bounds, i: int, eps):
+    """Write the bounds of a child, widened by the rounding error of the tests of what is inside."""
     largest = 0.0
     for axis in range(BOX):
         largest = abs(bounds[i + axis]) if abs(bounds[i + axis]) > largest else largest
@@ -48,8 +50,11 @@ def fill_box(nodes, at, bounds, i, eps):
 
 
 @kernel
-def flatten(tree, nodes, leaves, triangles, stack, kids):
-    """Collapse a binary tree into nodes of eight, opening the widest child first; numbers of nodes, leaves, levels."""
+def flatten(tree: Binary, nodes: Nodes, leaves: Leaves, triangles, stack, kids):
+    """Collapse a binary tree into nodes of eight children; return the numbers of nodes, leaves and levels.
+
+    Of the children that a node has so far, the one of largest area is opened first.
+    """
     eps = machine_epsilon(nodes.bounds)
     stack[0, :] = 0
     number_of_nodes, number_of_leaves, levels, top = 1, 0, 1, 1

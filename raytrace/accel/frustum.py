@@ -1,15 +1,14 @@
-"""The frustum of a bundle of rays: what lies outside of it is met by none of them.
+"""The frustum of a bundle: no ray of the bundle can hit what lies outside.
 
-Rays of one dominant axis z, all going the same way along it, are straight lines x(z), y(z). Between two planes of
-constant z they all lie between the straight lines through their extremes at both. So a box or triangle that lies wholly
-beyond one of these four lines can be left out, eight of them at a time [Reshetov2005].
+Rays with one dominant axis z, and one sense along it, are straight lines x(z), y(z). Between two planes of constant z,
+all of them lie between the straight lines through their extremes on both planes. So a box or triangle that lies
+entirely beyond one of these four lines can be skipped, eight at a time [Reshetov2005].
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.accel.kinds import FRAME, HIT, TMIN, row, slot
 from raytrace.accel.lanes import (
     NODE,
     fma,
@@ -29,12 +28,15 @@ from raytrace.accel.lanes import (
     splat,
 )
 from raytrace.accel.layout import V0, V1, V2
+from raytrace.accel.octants import Axes
+from raytrace.accel.scratch import FRAME_DZ, FRAME_SX, FRAME_X, FRAME_Z, TMAX, TMIN, read_row
 from raytrace.jit import inlined
+from raytrace.records import Work
 
 HIGH = 3 * NODE  # from the low planes of a node's boxes to the high ones
-ROUNDINGS = 16.0  # machine epsilons of the largest coordinate: twice what rounding moves lines and triangles by
+FRUSTUM_ROUNDINGS = 16.0  # machine epsilons of the largest coordinate: twice what rounding moves lines and triangles by
 SHORTEST = 2.0**-10  # of the scene's size: the least distance between the two planes
-NARROW_START, NARROW_END = 1.0, 4.0  # sides of a usual leaf: of bundles wider than that, packets get through sooner
+NARROW_START, NARROW_END = 1.0, 4.0  # sides of a usual leaf: for bundles wider than that, packets are faster
 
 
 class Line(NamedTuple):
@@ -45,7 +47,7 @@ class Line(NamedTuple):
 
 
 class Frustum(NamedTuple):
-    """Bounds of rays in their own axes."""
+    """Bounds of rays in their own axes, with the dominant one as z."""
 
     low_x: Line
     high_x: Line
@@ -53,29 +55,55 @@ class Frustum(NamedTuple):
     high_y: Line
     sense: float  # 1 or -1: along the dominant axis, or against it
     start: float  # sense * z where the first ray begins
-    margin: float  # world units: by how much heights may be off
+    margin: float  # world units: bound on the error of heights
+
+
+class Frusta(NamedTuple):
+    """Frusta of a bundle."""
+
+    whole: Frustum  # of all rays: numbers
+    groups: Frustum  # of each group of rays: lanes
+    narrow: bool  # whether the bundle is narrow enough for frusta to pay
+
+
+class Heights(NamedTuple):
+    """Bounds of the heights z at which rays begin and end."""
+
+    start_low: float
+    start_high: float
+    end_low: float
+    end_high: float
+
+
+class Extremes(NamedTuple):
+    """Bounds of x, or of y, of each group of rays on the planes z0 and z1: lanes."""
+
+    low0: float
+    high0: float
+    low1: float
+    high1: float
 
 
 @inlined
-def heights(count, work):
-    """Bounds of the heights at which rays begin, low and high, and at which they end."""
+def heights(count: int, work: Work) -> Heights:
+    """Bounds of the heights at which the rays alive of a bundle begin and end."""
     like = packet(work.lanes)
     low, end_low = splat(np.inf, like), splat(np.inf, like)
     high, end_high = splat(-np.inf, like), splat(-np.inf, like)
     for r in range(count):
-        tmax = row(work, slot(r) + HIT, like)
-        alive = row(work, slot(r) + TMIN, like) < tmax
-        z = row(work, slot(r) + FRAME + 2, like)
-        end = fma(tmax, row(work, slot(r) + FRAME + 5, like), z)
+        tmax = read_row(work, r, TMAX, like)
+        alive = read_row(work, r, TMIN, like) < tmax
+        z = read_row(work, r, FRAME_Z, like)
+        end = fma(tmax, read_row(work, r, FRAME_DZ, like), z)
         low, high = select(alive, minimum(z, low), low), select(alive, maximum(z, high), high)
         end_low = select(alive, minimum(end, end_low), end_low)
         end_high = select(alive, maximum(end, end_high), end_high)
-    return lane_min(low), lane_max(high), lane_min(end_low), lane_max(end_high)
+    return Heights(lane_min(low), lane_max(high), lane_min(end_low), lane_max(end_high))
 
 
 @inlined
-def positions(axis, z0, z1, count, work):
-    """Bounds of x (axis 0) or y (1) of each group of rays: low and high at z0, low and high at z1.
+def extremes(axis: int, z0, z1, count: int, work: Work) -> Extremes:
+    """Bounds of x (axis 0) or y (axis 1) of each group of rays on the planes z0 and z1.
 
     Lane m + group_size * k is group k of packet m.
     """
@@ -84,20 +112,20 @@ def positions(axis, z0, z1, count, work):
     high0, high1 = splat(-np.inf, like), splat(-np.inf, like)
     member = lane_numbers(like) & np.int32(group_size(work.lanes) - 1)
     for r in range(count):
-        alive = row(work, slot(r) + TMIN, like) < row(work, slot(r) + HIT, like)
-        x, z = row(work, slot(r) + FRAME + axis, like), row(work, slot(r) + FRAME + 2, like)
-        shear = row(work, slot(r) + FRAME + 6 + axis, like)
+        alive = read_row(work, r, TMIN, like) < read_row(work, r, TMAX, like)
+        x, z = read_row(work, r, FRAME_X + axis, like), read_row(work, r, FRAME_Z, like)
+        shear = read_row(work, r, FRAME_SX + axis, like)
         x0, x1 = fma(shear, z - z0, x), fma(shear, z - z1, x)
         mine = member == np.int32(r)
         low0 = select(mine, group_min(select(alive, x0, np.inf)), low0)
         low1 = select(mine, group_min(select(alive, x1, np.inf)), low1)
         high0 = select(mine, group_max(select(alive, x0, -np.inf)), high0)
         high1 = select(mine, group_max(select(alive, x1, -np.inf)), high1)
-    return low0, high0, low1, high1
+    return Extremes(low0, high0, low1, high1)
 
 
 @inlined
-def line(first, last, z0, z1, shift):
+def line(first, last, z0, z1, shift) -> Line:
     """The line through (first, z0) and (last, z1), shifted."""
     slope = (last - first) / (z1 - z0)
     return Line((first - slope * z0) + shift, slope)
@@ -114,54 +142,54 @@ def size_of(extent):
 
 
 @inlined
-def planes_between(extent, dominant, sense, ends, size):
-    """Two heights between which rays, which begin and end at ``ends``, meet all that they may meet."""
+def planes_between(extent, dominant: int, sense, heights: Heights, size):
+    """Two heights between which rays can meet anything of the tree."""
     low, high = peek(extent, dominant), peek(extent, 3 + dominant)
     if sense > 0.0:
-        return ends[0], max(min(ends[3], high), ends[0] + size * SHORTEST)
-    return ends[1], min(max(ends[2], low), ends[1] - size * SHORTEST)
+        return heights.start_low, max(min(heights.end_high, high), heights.start_low + size * SHORTEST)
+    return heights.start_high, min(max(heights.end_low, low), heights.start_high - size * SHORTEST)
 
 
 @inlined
-def make_frusta(extent, dominant, sense, count, work):
-    """Frustum of the rays alive of a bundle; those of its groups, a lane each; whether it is narrow enough for use.
+def make_frusta(extent, dominant: int, sense, count: int, work: Work) -> Frusta:
+    """Frusta of the rays alive of a bundle.
 
-    A triangle test is off by the rounding of sheared vertices, a line by that of what it goes through: together by 8
-    machine epsilons of the largest coordinate, for shears are at most 1 (docs/numerics.md). A line is shifted by more,
-    in x and in z.
+    The triangle test has the rounding error of sheared vertices, and a line that of the two points that it is computed
+    from. Together they are at most 8 machine epsilons of the largest coordinate, because shears are at most 1
+    (docs/numerics.md). Each line is shifted by more than that, in x and in z.
     """
     ends = heights(count, work)
     largest, size = size_of(extent)
     z0, z1 = planes_between(extent, dominant, sense, ends, size)
-    x, y = positions(0, z0, z1, count, work), positions(1, z0, z1, count, work)
-    xl0, xh0, xl1, xh1 = lane_min(x[0]), lane_max(x[1]), lane_min(x[2]), lane_max(x[3])
-    yl0, yh0, yl1, yh1 = lane_min(y[0]), lane_max(y[1]), lane_min(y[2]), lane_max(y[3])
+    x, y = extremes(0, z0, z1, count, work), extremes(1, z0, z1, count, work)
+    xl0, xh0, xl1, xh1 = lane_min(x.low0), lane_max(x.high0), lane_min(x.low1), lane_max(x.high1)
+    yl0, yh0, yl1, yh1 = lane_min(y.low0), lane_max(y.high0), lane_min(y.low1), lane_max(y.high1)
     leaf = peek(extent, 6)
     narrow = (max(xh0 - xl0, yh0 - yl0) <= leaf * NARROW_START) and (max(xh1 - xl1, yh1 - yl1) <= leaf * NARROW_END)
     steepest = max(max(xh1 - xl0, xh0 - xl1), max(yh1 - yl0, yh0 - yl1)) / abs(z1 - z0)
-    largest = largest + max(-ends[0], ends[1]) + max(max(-xl0, xh0), max(-yl0, yh0))
-    margin = largest * (ROUNDINGS * machine_epsilon(work.lanes))
+    largest = largest + max(-ends.start_low, ends.start_high) + max(max(-xl0, xh0), max(-yl0, yh0))
+    margin = largest * (FRUSTUM_ROUNDINGS * machine_epsilon(work.lanes))
     shift, start = margin * (1.0 + steepest), z0 * sense - margin
     whole = Frustum(
         line(xl0, xl1, z0, z1, -shift), line(xh0, xh1, z0, z1, shift),
         line(yl0, yl1, z0, z1, -shift), line(yh0, yh1, z0, z1, shift), sense, start, margin,
     )  # fmt: skip
     groups = Frustum(
-        line(x[0], x[2], z0, z1, -shift), line(x[1], x[3], z0, z1, shift),
-        line(y[0], y[2], z0, z1, -shift), line(y[1], y[3], z0, z1, shift), sense, start, margin,
+        line(x.low0, x.low1, z0, z1, -shift), line(x.high0, x.high1, z0, z1, shift),
+        line(y.low0, y.low1, z0, z1, -shift), line(y.high0, y.high1, z0, z1, shift), sense, start, margin,
     )  # fmt: skip
-    return whole, groups, narrow
+    return Frusta(whole, groups, narrow)
 
 
 @inlined
-def height_where_lowest(slope, axes):
-    """Where the z planes of boxes stand at which a line of that slope is lowest."""
+def height_where_lowest(slope, axes: Axes):
+    """Offset of the z planes of boxes on which a line of that slope is lowest."""
     return axes.z if slope > 0.0 else axes.z + HIGH
 
 
 @inlined
-def boxes_in(bounds, at, frustum, axes, end):
-    """Mask of the eight boxes of a node that reach into a frustum before sense z = end; sense z where they begin."""
+def boxes_in(bounds, at: int, frustum: Frustum, axes: Axes, end):
+    """Mask of the eight boxes of a node that meet a frustum before sense * z = end; and sense * z where they begin."""
     near = axes.z if frustum.sense > 0.0 else axes.z + HIGH
     far = axes.z + HIGH if frustum.sense > 0.0 else axes.z
     first, last = load(bounds, at + near, NODE) * frustum.sense, load(bounds, at + far, NODE) * frustum.sense
@@ -178,15 +206,15 @@ def boxes_in(bounds, at, frustum, axes, end):
 
 
 @inlined
-def between(low, high, low_z, high_z, low_line, high_line):
-    """Mask of the groups whose lines leave room for what spans low .. high in x and low_z .. high_z in z."""
+def between(low, high, low_z, high_z, low_line: Line, high_line: Line):
+    """Mask of the groups between whose lines a part of the rectangle low .. high in x, low_z .. high_z in z lies."""
     lowest = minimum(fma(low_line.slope, low_z, low_line.at), fma(low_line.slope, high_z, low_line.at))
     highest = maximum(fma(high_line.slope, low_z, high_line.at), fma(high_line.slope, high_z, high_line.at))
     return (lowest <= high) & (highest >= low)
 
 
 @inlined
-def groups_at(bounds, at, groups, axes, ends):
+def groups_at(bounds, at: int, groups: Frustum, axes: Axes, ends):
     """Mask of the groups of a bundle whose frusta meet one box before sense * z = ends."""
     low_z, high_z = peek(bounds, at + axes.z), peek(bounds, at + axes.z + HIGH)
     first = low_z if groups.sense > 0.0 else -high_z
@@ -196,13 +224,13 @@ def groups_at(bounds, at, groups, axes, ends):
 
 
 @inlined
-def relative(rows, vertex, x, z, slope):
-    """X - slope z of a vertex of each of eight triangles."""
+def relative(rows, vertex: int, x: int, z: int, slope):
+    """Distance x - slope z of one vertex of each of eight triangles from a line through the origin."""
     return fma(load(rows, vertex + z, NODE), -slope, load(rows, vertex + x, NODE))
 
 
 @inlined
-def triangles_between(rows, at, x, z, low, high):
+def triangles_between(rows, at: int, x: int, z: int, low: Line, high: Line):
     """Mask of the eight triangles that have a vertex on or above the low line, and one on or below the high one."""
     a, b = relative(rows, at + V0, x, z, low.slope), relative(rows, at + V1, x, z, low.slope)
     c = relative(rows, at + V2, x, z, low.slope)
@@ -213,7 +241,7 @@ def triangles_between(rows, at, x, z, low, high):
 
 
 @inlined
-def triangles_in(rows, at, frustum, axes):
-    """Mask of the eight triangles of a leaf that are not wholly beyond one side of a frustum."""
+def triangles_in(rows, at: int, frustum: Frustum, axes: Axes):
+    """Mask of the eight triangles of a leaf that are not entirely beyond one side of a frustum."""
     x = triangles_between(rows, at, axes.x, axes.z, frustum.low_x, frustum.high_x)
     return x & triangles_between(rows, at, axes.y, axes.z, frustum.low_y, frustum.high_y)

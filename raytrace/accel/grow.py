@@ -1,4 +1,4 @@
-"""The binary tree: triangles split from the top down, by binned SAH or by medians, in parts that threads share."""
+"""The binary tree: triangles split from the top down, by binned SAH or at medians; threads share the subtrees."""
 
 from typing import NamedTuple
 
@@ -9,59 +9,66 @@ from raytrace.accel.lanes import load, minimum, splat, store, to_int
 from raytrace.jit import inlined, kernel, subroutine
 
 SPLITS = {"sah": 0, "median": 1}
-BINS = 16  # of the binned SAH [Wald2007]
+SAH_BINS = 16  # of the binned SAH [Wald2007]
 HALF = BOX // 2
-MAX_DEPTH = 64  # below, every split halves the count, so that no input makes a deep tree
+MAX_DEPTH = 64  # deeper nodes are split at medians, which halves their counts: so no input makes a deep tree
 
 
 class Binary(NamedTuple):
     """A binary tree; the right child of a node follows the left one."""
 
     bounds: np.ndarray  # (8n,) f, world units: box of each node
-    left: np.ndarray  # (n,) i4: left child; 0 for a leaf; ~depth for a node that is yet to be split
-    first: np.ndarray  # (n,) i4: first of its triangles in `order`
-    count: np.ndarray  # (n,) i4: how many they are
-    order: np.ndarray  # (t,) i4: triangles
+    left: np.ndarray  # (n,) i4: left child; 0 for a leaf; ~depth for a node that is still to be split
+    first: np.ndarray  # (n,) i4: place of its first triangle in `order`
+    count: np.ndarray  # (n,) i4: number of its triangles
+    order: np.ndarray  # (t,) i4: numbers of triangles
     boxes: np.ndarray  # (8t,) f, world units: their boxes, in the same order
 
 
-class Scratch(NamedTuple):
-    """Memory for one thread of ``grow``."""
+class GrowScratch(NamedTuple):
+    """Scratch memory of ``grow``, for one thread."""
 
     middles: np.ndarray  # (8,) f, world units: box of doubled centres
     scale: np.ndarray  # (4,) f: bins per world unit along each axis
-    bins: np.ndarray  # (3 * BINS * 8,) f, world units: box of each bin's triangles
-    counts: np.ndarray  # (3 * BINS,) i8: triangles in each bin
+    bins: np.ndarray  # (3 * SAH_BINS * 8,) f, world units: box of each bin's triangles
+    counts: np.ndarray  # (3 * SAH_BINS,) i8: triangles in each bin
     grown: np.ndarray  # (8,) f, world units: box of the bins swept so far
-    right: np.ndarray  # (BINS,) f8: SAH cost of the bins from this one on
+    right: np.ndarray  # (SAH_BINS,) f8: SAH cost of the bins from this one on
     stack: np.ndarray  # (s, 2) i8: node, depth
 
 
-class Part(NamedTuple):
-    """A node to split, and how far."""
+class Subtree(NamedTuple):
+    """The subtree that a call of ``grow`` builds."""
 
-    node: int
+    node: int  # its root
     depth: int
     free: int  # the first free node
-    few: int  # nodes of at most so many triangles are left to other threads
+    small: int  # nodes of at most so many triangles are left to other calls
 
 
-def make_binary(order, boxes):
-    """Room for the tree of some triangles, grown in any number of parts."""
-    room = 4 * max(len(order), 1)
-    return Binary(np.empty(BOX * room, boxes.dtype), *(np.zeros(room, np.int32) for _ in range(3)), order, boxes)
+class Plane(NamedTuple):
+    """A plane between bins."""
+
+    axis: int  # -1: there is no such plane
+    last_bin: int  # the last bin in front of it
 
 
-def make_scratch(dtype):
-    """Scratch memory for boxes of that type."""
-    middles, scale, bins, grown = (np.zeros(n, dtype) for n in (BOX, HALF, 3 * BINS * BOX, BOX))
-    counts, stack = np.empty(3 * BINS, np.int64), np.empty((MAX_DEPTH + 64, 2), np.int64)
-    return Scratch(middles, scale, bins, counts, grown, np.empty(BINS), stack)
+def make_binary(order, boxes) -> Binary:
+    """Allocate the tree of some triangles, for any number of subtrees."""
+    size = 4 * max(len(order), 1)
+    return Binary(np.empty(BOX * size, boxes.dtype), *(np.zeros(size, np.int32) for _ in range(3)), order, boxes)
+
+
+def make_grow_scratch(dtype):
+    """GrowScratch memory for boxes of that type."""
+    middles, scale, bins, grown = (np.zeros(n, dtype) for n in (BOX, HALF, 3 * SAH_BINS * BOX, BOX))
+    counts, stack = np.empty(3 * SAH_BINS, np.int64), np.empty((MAX_DEPTH + 64, 2), np.int64)
+    return GrowScratch(middles, scale, bins, counts, grown, np.empty(SAH_BINS), stack)
 
 
 @subroutine
-def bound(tree, begin, end, node, middles):
-    """Box of the triangles of a node, and of their (doubled) centres."""
+def bound(tree: Binary, begin: int, end: int, node: int, middles):
+    """Compute the box of the triangles of a node, and the box of their (doubled) centres."""
     box = splat(np.inf, load(tree.boxes, 0, BOX))
     low_middle = splat(np.inf, load(tree.boxes, 0, HALF))
     high_middle = low_middle
@@ -76,59 +83,59 @@ def bound(tree, begin, end, node, middles):
 
 
 @inlined
-def bin_of(tree, k, axis, scratch):
-    """The bin along an axis that a triangle's centre falls into."""
+def sah_bin(tree: Binary, k: int, axis: int, scratch: GrowScratch) -> int:
+    """Bin along an axis that contains the centre of a triangle."""
     number = int((centre(tree.boxes, BOX * k, axis) - low(scratch.middles, 0, axis)) * scratch.scale[axis])
-    return number if number < BINS else BINS - 1
+    return number if number < SAH_BINS else SAH_BINS - 1
 
 
 @subroutine
-def fill_bins(tree, begin, end, scratch):
-    """Sort triangles into the bins of all three axes; axes without extent get one bin."""
+def fill_bins(tree: Binary, begin: int, end: int, scratch: GrowScratch):
+    """Count triangles in the bins of all three axes, and grow the boxes of the bins; an axis without extent has one."""
     for axis in range(3):
         extent = high(scratch.middles, 0, axis) - low(scratch.middles, 0, axis)
-        scratch.scale[axis] = BINS / extent if extent > 0.0 and BINS / extent < np.inf else 0.0
-    for k in range(3 * BINS):
+        scratch.scale[axis] = SAH_BINS / extent if extent > 0.0 and SAH_BINS / extent < np.inf else 0.0
+    for k in range(3 * SAH_BINS):
         clear(scratch.bins, BOX * k)
         scratch.counts[k] = 0
     least, scale = load(scratch.middles, 0, HALF), load(scratch.scale, 0, HALF)
     for k in range(begin, end):
         middle = load(tree.boxes, BOX * k, HALF) - load(tree.boxes, BOX * k + HALF, HALF)
-        numbers = to_int(minimum((middle - least) * scale, BINS - 1.0))
+        numbers = to_int(minimum((middle - least) * scale, SAH_BINS - 1.0))
         for axis in range(3):
-            b = axis * BINS + numbers[axis]
+            b = axis * SAH_BINS + numbers[axis]
             include(scratch.bins, BOX * b, tree.boxes, BOX * k)
             scratch.counts[b] += 1
 
 
 @subroutine
-def best_plane(scratch):
-    """Axis and last bin of the cheapest of all planes between bins: sum of area times count [Wald2007]; -1: none."""
+def best_plane(scratch: GrowScratch) -> Plane:
+    """Cheapest of all planes between bins: that with the smallest sum of area times count [Wald2007]."""
     best_axis, best_bin, best_cost = -1, 0, np.inf
     bins, grown, right = scratch.bins, scratch.grown, scratch.right
     for axis in range(3):
-        first = axis * BINS
+        first = axis * SAH_BINS
         clear(grown, 0)
         number = 0
-        for k in range(BINS - 1, 0, -1):
+        for k in range(SAH_BINS - 1, 0, -1):
             include(grown, 0, bins, BOX * (first + k))
             number += scratch.counts[first + k]
             right[k] = half_area(grown, 0) * number if number > 0 else np.inf
         clear(grown, 0)
         number = 0
-        for k in range(BINS - 1):
+        for k in range(SAH_BINS - 1):
             include(grown, 0, bins, BOX * (first + k))
             number += scratch.counts[first + k]
             if number > 0:
                 cost = half_area(grown, 0) * number + right[k + 1]
                 if cost < best_cost:
                     best_axis, best_bin, best_cost = axis, k, cost
-    return best_axis, best_bin
+    return Plane(best_axis, best_bin)
 
 
 @inlined
-def swap(tree, i, j):
-    """Exchange two triangles, their boxes with them."""
+def swap(tree: Binary, i: int, j: int):
+    """Exchange two triangles and their boxes."""
     tree.order[i], tree.order[j] = tree.order[j], tree.order[i]
     box = load(tree.boxes, BOX * i, BOX)
     store(tree.boxes, BOX * i, load(tree.boxes, BOX * j, BOX))
@@ -136,11 +143,11 @@ def swap(tree, i, j):
 
 
 @inlined
-def partition(tree, begin, end, plane, scratch):
-    """Bring triangles of bins up to a plane (axis, last bin) to the front; where the others begin."""
+def partition(tree: Binary, begin: int, end: int, plane: Plane, scratch: GrowScratch) -> int:
+    """Move the triangles in front of a plane to the front; return where the others begin."""
     i, j = begin, end - 1
     while i <= j:
-        if bin_of(tree, i, plane[0], scratch) <= plane[1]:
+        if sah_bin(tree, i, plane.axis, scratch) <= plane.last_bin:
             i += 1
         else:
             swap(tree, i, j)
@@ -149,8 +156,8 @@ def partition(tree, begin, end, plane, scratch):
 
 
 @subroutine
-def split_median(tree, begin, end, middles):
-    """Bring the lower half of the triangles to the front, by centre along the axis of widest spread [Hoare1961]."""
+def split_median(tree: Binary, begin: int, end: int, middles) -> int:
+    """Move the lower half of the triangles to the front, by centre along the axis of widest spread [Hoare1961]."""
     axis, widest = 0, -1.0
     for k in range(3):
         if high(middles, 0, k) - low(middles, 0, k) > widest:
@@ -178,28 +185,28 @@ def split_median(tree, begin, end, middles):
 
 
 @kernel
-def grow(tree, split, leaf_size, part, scratch):
-    """Split a node and its children down to leaves, or to nodes that are left to others; the next free node."""
+def grow(tree: Binary, split: int, leaf_size: int, subtree: Subtree, scratch: GrowScratch):
+    """Split a node down to leaves, or to nodes that are left to other calls; return the next free node."""
     stack = scratch.stack
-    stack[0, 0], stack[0, 1] = part.node, part.depth
-    free, top = part.free, 1
+    stack[0, 0], stack[0, 1] = subtree.node, subtree.depth
+    free, top = subtree.free, 1
     while top > 0:
         top -= 1
         node, depth = stack[top, 0], stack[top, 1]
         begin, end = tree.first[node], tree.first[node] + tree.count[node]
-        if depth > part.depth and end - begin <= part.few:
+        if depth > subtree.depth and end - begin <= subtree.small:
             tree.left[node] = ~depth
             continue
         bound(tree, begin, end, node, scratch.middles)
         if end - begin <= leaf_size:
             tree.left[node] = 0
             continue
-        axis, last = -1, 0
+        plane = Plane(-1, 0)
         if split == 0 and depth < MAX_DEPTH:
             fill_bins(tree, begin, end, scratch)
-            axis, last = best_plane(scratch)
-        if axis >= 0:
-            middle = partition(tree, begin, end, (axis, last), scratch)
+            plane = best_plane(scratch)
+        if plane.axis >= 0:
+            middle = partition(tree, begin, end, plane, scratch)
         else:
             middle = split_median(tree, begin, end, scratch.middles)
         tree.left[node] = free

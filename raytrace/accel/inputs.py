@@ -1,4 +1,4 @@
-"""What users hand to ``BVH``: checked, and turned into what kernels read."""
+"""Check the arguments of ``BVH``, and convert them to the records that kernels read."""
 
 from collections.abc import Collection
 from typing import Any, Protocol
@@ -9,26 +9,26 @@ from numpy.typing import ArrayLike, NDArray
 from raytrace.records import Columns, Rays
 
 MAX_ROWS = 2**29  # vertices or faces of a mesh: twice as many nodes still have int32 numbers
-KERNELS = "C_CONTIGUOUS", "ALIGNED", "ENSUREARRAY"  # what kernels ask of arrays of several axes
-REACH = 2**31  # elements between the first and the last that kernels read of an array: their numbers are int32
+KERNELS = "C_CONTIGUOUS", "ALIGNED", "ENSUREARRAY"  # requirements of kernels for arrays of several axes
+REACH = 2**31  # elements from the first to the last that kernels read of an array: indices are int32
 
 
 def one_of(name: str, value: str, allowed: Collection[str]) -> None:
-    """Refuse an option that is not known."""
+    """Raise a ValueError for an unknown value of an option."""
     if value not in allowed:
         raise ValueError(f"{name}: expected one of {', '.join(allowed)}, got {value!r}")
 
 
 def _numbers(name: str, value: ArrayLike, kinds: str = "fiu") -> NDArray[Any]:
-    """An array of numbers of any kind allowed: f float, i and u integers."""
+    """Return an array of numbers of an allowed kind: f float, i and u integers."""
     if isinstance(value, np.ndarray) and type(value) is not np.ndarray and np.ma.is_masked(value):
-        raise ValueError(f"{name}: some elements are masked: fill them, or leave out their rows")
+        raise ValueError(f"{name}: some elements are masked: fill them, or remove their rows")
     try:
         array = np.asarray(value)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name}: expected numbers: {error}") from None
     if array.size == 0:
-        return np.empty(array.shape, kinds[0])  # [] has a type by chance
+        return np.empty(array.shape, kinds[0])  # the dtype of [] is arbitrary
     if array.dtype.kind not in kinds:
         raise ValueError(f"{name}: expected {'integers' if kinds == 'iu' else 'numbers'}, got dtype {array.dtype}")
     return array
@@ -46,18 +46,18 @@ def _rows(name: str, array: NDArray[Any]) -> NDArray[Any]:
 
 
 class MeshLike(Protocol):
-    """Any object that has both arrays of a mesh, such as a ``trimesh.Trimesh``."""
+    """Any object that has the arrays of a mesh, such as a ``trimesh.Trimesh``."""
 
     vertices: ArrayLike  # (v, 3)
     faces: ArrayLike  # (m, 3)
 
 
 def mesh_arrays(vertices: ArrayLike | MeshLike, faces: ArrayLike | None) -> tuple[ArrayLike, ArrayLike]:
-    """Vertices and faces, given as two arrays or as one mesh that has both."""
+    """Return vertices and faces, given as two arrays or as one mesh that has both."""
     has_both = hasattr(vertices, "vertices") and hasattr(vertices, "faces")
     if faces is not None:
         if has_both:
-            raise ValueError("faces: the first argument is a mesh, which has its own; leave them out")
+            raise ValueError("faces: the first argument is a mesh, which has its own faces; omit them")
         return vertices, faces
     if not has_both:
         kind = type(vertices).__name__
@@ -66,7 +66,7 @@ def mesh_arrays(vertices: ArrayLike | MeshLike, faces: ArrayLike | None) -> tupl
 
 
 def check_vertices(value: ArrayLike, dtype: np.dtype) -> NDArray[np.floating]:
-    """Vertices as a contiguous (v, 3) array of that type: all finite, and of sizes whose areas are numbers of it."""
+    """Return vertices as a contiguous (v, 3) array of that dtype: all finite, and no area overflows or underflows."""
     given = _few("vertices", _rows("vertices", _numbers("vertices", value)))
     with np.errstate(over="ignore"):
         array = np.require(given, dtype, KERNELS)
@@ -81,23 +81,23 @@ def check_vertices(value: ArrayLike, dtype: np.dtype) -> NDArray[np.floating]:
     if size > largest or 0 < size < smallest:
         raise ValueError(
             f"vertices: the largest coordinate is {size:.3g}, but in {dtype} it must lie between {smallest:.0e} and "
-            f"{largest:.0e}, for areas to be numbers: {cure}"
+            f"{largest:.0e}, so that areas do not overflow or underflow: {cure}"
         )
     return array
 
 
 def safe_sizes(dtype: np.dtype) -> tuple[float, float]:
-    """Least and most that the largest coordinate of a mesh may be.
+    """Return the bounds between which the largest coordinate of a mesh must lie.
 
-    Triangles are tested by products of two differences: parts of them as small as eps must be normal numbers, and sums
-    of six, of differences doubled by a ray from as far away and by its shear, must be finite.
+    The triangle test uses products of two differences. Terms that are smaller by a factor eps must still be normal
+    numbers. Sums of six products must be finite, where a ray from as far away, and its shear, double each difference.
     """
     kind = np.finfo(dtype)
     return float(np.sqrt(kind.smallest_normal / kind.eps)), float(np.sqrt(kind.max)) / 16
 
 
 def check_faces(value: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
-    """Faces as a contiguous (m, 3) array of rows that exist."""
+    """Return faces as a contiguous (m, 3) array of numbers of existing vertices."""
     array = _few("faces", _rows("faces", _numbers("faces", value, "iu")))
     if len(array) and (array.min() < 0 or array.max() >= vertex_count):
         bad = np.flatnonzero(((array < 0) | (array >= vertex_count)).any(axis=1))
@@ -109,20 +109,20 @@ def check_faces(value: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
 
 def _few(name: str, array: NDArray[Any]) -> NDArray[Any]:
     if len(array) > MAX_ROWS:
-        raise ValueError(f"{name}: {len(array):,} rows are more than {MAX_ROWS:,}: split the mesh")
+        raise ValueError(f"{name}: {len(array):,} rows are more than the limit of {MAX_ROWS:,}: split the mesh")
     return array
 
 
 # --- rays ------------------------------------------------------------------------------------------------------------
 
 
-Field = Columns | NDArray[Any]  # origins, directions, tmin or tmax; an array is converted part by part
+Field = Columns | NDArray[Any]  # origins, directions, tmin or tmax; an array is converted in pieces
 
 
 def check_rays(
     origins: ArrayLike, directions: ArrayLike, tmin: ArrayLike, tmax: ArrayLike, dtype: np.dtype
 ) -> tuple[list[Field], int]:
-    """Rays for a tree of that type, and how many they are."""
+    """Return the checked fields of rays for a tree of that dtype, and the number of rays."""
     given = {
         "origins": _points("origins", origins),
         "directions": _points("directions", directions),
@@ -132,20 +132,20 @@ def check_rays(
     lengths = {name: len(array) for name, array in given.items() if array.ndim}
     several = set(lengths.values()) - {1}
     if len(several) > 1:
-        raise ValueError(f"origins, directions, tmin, tmax: lengths do not go together: {lengths}")
+        raise ValueError(f"origins, directions, tmin, tmax: lengths do not match: {lengths}")
     n = several.pop() if several else 1
     with np.errstate(over="ignore"):
         return [_field(array, n, dtype) for array in given.values()], n
 
 
 def _points(name: str, value: ArrayLike) -> NDArray[Any]:
-    """Origins or directions, (n, 3) numbers of any type."""
+    """Return origins or directions: (n, 3) numbers of any dtype."""
     array = _numbers(name, value)
     return array[None] if array.shape == (3,) else _rows(name, array)
 
 
 def _limits(name: str, value: ArrayLike) -> NDArray[Any]:
-    """Limits of t: a number, or (n,) of them, of any type."""
+    """Return limits of t: one number, or (n,) numbers, of any dtype."""
     array = _numbers(name, value)
     if array.ndim > 1:
         raise ValueError(f"{name}: expected a number or an (n,) array, got shape {array.shape}")
@@ -153,20 +153,20 @@ def _limits(name: str, value: ArrayLike) -> NDArray[Any]:
 
 
 def _field(array: NDArray[Any], n: int, dtype: np.dtype) -> Field:
-    """The array as kernels read it, if they can without a copy, or if all rays share its one row."""
+    """Return the array as kernels read it, if that needs no copy or all rays share one row; else the array itself."""
     if array.ndim == 0 or len(array) == 1:
         return columns_of(np.array(array, dtype), n)
     return columns_of(array, n) if array.dtype == dtype and _readable(array) else array
 
 
 def _readable(array: NDArray[Any]) -> bool:
-    """Whether the elements are aligned, and so a whole number of them apart, and not too far."""
+    """Return whether kernels can read an array in place: it is aligned, and not too far spread in memory."""
     whole = array.flags.c_contiguous or array.flags.f_contiguous
     return array.flags.aligned and (array.size if whole else _span(array)[1]) < REACH
 
 
 def rays_of(fields: list[Field], begin: int, end: int, dtype: np.dtype) -> Rays:
-    """Rays ``begin`` to ``end`` as kernels read them; numbers beyond the type become infinite, and miss."""
+    """Return rays ``begin`` to ``end`` as kernels read them; numbers beyond the dtype become infinite, so they miss."""
     columns = []
     for field in fields:
         if isinstance(field, Columns):
@@ -178,9 +178,9 @@ def rays_of(fields: list[Field], begin: int, end: int, dtype: np.dtype) -> Rays:
 
 
 def columns_of(array: NDArray[np.floating], n: int) -> Columns:
-    """An array whose strides are whole elements as kernels read it, without a copy.
+    """Return an array whose strides are whole elements as kernels read it, without a copy.
 
-    Kernels see flat writable memory, whatever the array's layout and flags, and so are compiled but once.
+    Kernels see flat writable memory, whatever the array's layout and flags, so they are compiled only once.
     """
     steps = [stride // array.itemsize for stride in array.strides]
     row = 0 if array.ndim == 0 or len(array) == 1 < n else steps[0]
@@ -193,7 +193,7 @@ def columns_of(array: NDArray[np.floating], n: int) -> Columns:
 
 
 def _span(array: NDArray[Any]) -> tuple[int, int]:
-    """Where the memory of an array begins, and how much it is, in elements from its first one on."""
+    """Offset of the lowest element of an array from its first one, and the number of elements that its memory spans."""
     if array.size == 0:
         return 0, 0
     ends = [stride // array.itemsize * (count - 1) for stride, count in zip(array.strides, array.shape, strict=True)]
@@ -202,7 +202,7 @@ def _span(array: NDArray[Any]) -> tuple[int, int]:
 
 
 class _Memory:
-    """The memory of an array as NumPy's array interface tells of it; it lives as long as what looks into it."""
+    """The memory of an array, exposed by NumPy's array interface; it keeps the array alive as long as it is used."""
 
     def __init__(self, array: NDArray[Any], low: int, span: int) -> None:
         address = array.__array_interface__["data"][0] + low * array.itemsize

@@ -1,9 +1,9 @@
-"""SIMD lanes: the vocabulary in which kernels are written, ``t = fma(plane, inv_d, c)``.
+"""SIMD lanes: the operations in which kernels are written, such as ``t = fma(plane, inv_d, c)``.
 
-One variable holds a vector register: sixteen rays, or eight boxes. The usual operators work lane by lane, scalars
-spread themselves over all lanes, a comparison gives a mask, and ``mask & mask``, ``mask | mask``, ``~mask`` combine
-them. Here every operation is a plain function with its NumPy meaning, and a register is a short NumPy array that one
-can print: so runs a kernel when the JIT is disabled. ``lanes_jit`` teaches Numba the LLVM instruction of each.
+One variable holds a vector register: sixteen rays, or eight boxes. The usual operators work lane by lane, scalars are
+broadcast to all lanes, a comparison gives a mask, and ``mask & mask``, ``mask | mask``, ``~mask`` combine masks. In
+this file each operation is a plain NumPy function, and a register is a short NumPy array that can be printed. Kernels
+run that way when the JIT is disabled. ``lanes_jit`` gives Numba the LLVM instruction of each operation.
 """
 
 from fractions import Fraction
@@ -18,30 +18,30 @@ BITS = processor.register_bits()  # of one vector register
 
 
 def packet_width(a):
-    """Rays of a packet of arrays like ``a``: what fills a vector register (16, 8 or 4 float32; half for float64)."""
+    """Rays of a packet, for floats like those of ``a``: as many as fill a register (16, 8, 4 float32; half float64)."""
     return BITS // 8 // a.itemsize
 
 
 def group_size(a):
-    """Lanes of a group in packets of arrays like ``a``: neighbours whose bounds are kept as one.
+    """Lanes of a group in packets of elements like those of ``a``: neighbouring rays that share one frustum.
 
-    It is also the number of packets of a bundle: so the groups of a bundle fill one register.
+    It is also the largest number of packets of a bundle, so the groups of a bundle fill one register.
     """
     return min(4, packet_width(a))
 
 
 def machine_epsilon(a):
-    """Distance from 1 to the next number of the type of ``a``."""
+    """Distance from 1 to the next larger number of the dtype of ``a``."""
     return np.finfo(a.dtype).eps
 
 
 def machine_largest(a):
-    """The largest finite number of the type of ``a``."""
+    """The largest finite number of the dtype of ``a``."""
     return np.finfo(a.dtype).max
 
 
 def peek(a, i):
-    """Element ``i`` of the flat array ``a``, which is not negative: so nothing has to be wrapped around."""
+    """Element ``i`` of the flat array ``a``; ``i`` is not negative, so no index wraps around."""
     return a[i]
 
 
@@ -51,22 +51,22 @@ def poke(a, i, x):
 
 
 def prefetch(a, i):
-    """Bring element ``i`` of the flat array ``a`` and its neighbours near; it is not read."""
+    """Bring element ``i`` of the flat array ``a`` and its neighbours into the cache."""
 
 
 def load(a, i, like):
-    """Elements ``i``, ``i + 1``, ... of the flat array ``a``: as many as the constant or the register ``like`` says."""
+    """Elements ``i``, ``i + 1``, ... of the flat array ``a``, as many as the number or the register ``like`` says."""
     return a[i : i + (like if isinstance(like, int) else len(like))].copy()
 
 
 def load_rows(a, i, like):
-    """x, y, z of rows of three that stand one after the other from element ``i`` on: as ``load``, but three apart."""
+    """x, y, z of rows of three that begin at element ``i``: three registers, each as by ``load`` with stride 3."""
     n = like if isinstance(like, int) else len(like)
     return tuple(a[i + axis : i + 3 * n : 3].copy() for axis in range(3))
 
 
 def packet(a):
-    """A register of zeros for one packet of the array ``a``."""
+    """A register of zeros for one packet of elements like those of ``a``."""
     return np.zeros(packet_width(a), a.dtype)
 
 
@@ -81,7 +81,7 @@ def gather(a, index):
 
 
 def compress(a, i, mask, x):
-    """Write the lanes of ``x`` where ``mask`` holds to the flat array ``a`` from element ``i`` on, side by side."""
+    """Write the lanes of ``x`` where ``mask`` holds to consecutive elements of the flat array ``a``, from ``i`` on."""
     a[i : i + np.count_nonzero(mask)] = x[mask]
 
 
@@ -101,12 +101,12 @@ def lane_numbers(like):
 
 
 def to_real(x, like):
-    """Integers below 2**24 as floats like ``like``, exactly."""
+    """Integers below 2**24 as floats of the dtype of ``like``, exactly."""
     return x.astype(like.dtype)
 
 
 def to_int(x):
-    """Floats cut off to int32; none may be NaN or out of range."""
+    """Floats truncated to int32; none may be NaN or out of range."""
     return x.astype(np.int32)
 
 
@@ -142,12 +142,12 @@ def sqrt(x):
 
 
 def absolute(x):
-    """Magnitude; clears the sign of zeros too."""
+    """Absolute value; also clears the sign of zeros."""
     return np.abs(x)
 
 
 def reverse_bits(x):
-    """uint32 with its bits in opposite order."""
+    """uint32 with its bits in reverse order."""
     return np.array([int(f"{value:032b}"[::-1], 2) for value in x.tolist()], np.uint32)
 
 
@@ -167,7 +167,7 @@ def select(mask, a, b):
 
 
 def power_of_two(x):
-    """The largest power of two that is at most ``|x|``: its exponent bits alone; 0 for zero and denormal numbers."""
+    """The largest power of two that is at most ``|x|``: only its exponent bits; 0 for zero and denormal numbers."""
     power = np.ldexp(np.ones_like(x), np.frexp(x)[1] - 1)
     return np.where(np.abs(x) < np.finfo(x.dtype).tiny, 0, power).astype(x.dtype)
 
@@ -183,7 +183,7 @@ def mask_of(x, like):
 
 
 def count(mask):
-    """How many lanes of the mask are true."""
+    """Number of lanes in which the mask is true."""
     return int(np.count_nonzero(mask))
 
 
@@ -198,15 +198,15 @@ def lane_max(x):
 
 
 def group_min(x):
-    """In every lane the smallest of its group of four neighbours (of two, where a register has no more)."""
+    """In every lane the minimum of its group of four neighbours (of two, if a register has two lanes)."""
     return np.repeat(x.reshape(-1, min(4, len(x))).min(axis=1), min(4, len(x)))
 
 
 def group_max(x):
-    """In every lane the largest of its group of four neighbours (of two, where a register has no more)."""
+    """In every lane the maximum of its group of four neighbours (of two, if a register has two lanes)."""
     return np.repeat(x.reshape(-1, min(4, len(x))).max(axis=1), min(4, len(x)))
 
 
 def first_bit(x):
-    """Number of the lowest bit that is set; ``x`` is not 0."""
+    """Index of the lowest bit that is set; ``x`` is not 0."""
     return int(x & -x).bit_length() - 1

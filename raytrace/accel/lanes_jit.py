@@ -1,4 +1,4 @@
-"""What Numba must know of ``lanes``: the LLVM instructions of every operation."""
+"""Operations of ``lanes`` for Numba: the types and the LLVM instructions of each."""
 
 import numpy as np
 from llvmlite import ir
@@ -15,9 +15,9 @@ from raytrace.accel.lanes_types import (
     Mask,
     intrinsic,
     like_lanes,
+    registered,
     splatted,
     spread,
-    taught,
     vector_call,
     vector_of,
 )
@@ -28,7 +28,7 @@ def _count(like):
 
 
 def _pointer(builder, sig, args):
-    """Address of element ``args[1]`` of the flat array ``args[0]``, and the element's type; the index may be lanes."""
+    """Address of element ``args[1]`` of the flat array ``args[0]``, element type and size; the index may be lanes."""
     element = ELEMENTS[sig.args[0].dtype]
     data = builder.extract_value(args[0], 4)  # member `data` of Numba's array record
     at = builder.gep(data, [args[1]], source_etype=element)
@@ -53,7 +53,7 @@ def _rows_type(a, i, like):
 
 
 def _emit_load_rows(builder, sig, args):
-    """Three loads, then for each column what the first two have of it, then what the third has."""
+    """Three loads; then shuffles collect each column, first from two of the loads, then from the third."""
     at, element, size = _pointer(builder, sig, args)
     kind = vector_of(sig.return_type.dtype)
     n = kind.count
@@ -91,19 +91,19 @@ def _emit_compress(builder, sig, args):
     intrinsic(builder, name, ir.VoidType(), [args[3], at, args[2]])
 
 
-taught(
+registered(
     lambda a: signature(types.int64, a),
     lambda builder, sig, args: I64(lanes.BITS // sig.args[0].dtype.bitwidth),
 )(lanes.packet_width)
 
 
-taught(
+registered(
     lambda a: signature(types.int64, a),
     lambda builder, sig, args: I64(min(4, lanes.BITS // sig.args[0].dtype.bitwidth)),
 )(lanes.group_size)
 
 
-taught(
+registered(
     lambda a: signature(a.dtype, a),
     lambda builder, sig, args: ir.Constant(
         ELEMENTS[sig.return_type], 2.0 ** (-23 if sig.return_type.bitwidth == 32 else -52)
@@ -111,7 +111,7 @@ taught(
 )(lanes.machine_epsilon)
 
 
-taught(
+registered(
     lambda a: signature(a.dtype, a),
     lambda builder, sig, args: ir.Constant(
         ELEMENTS[sig.return_type], float(np.finfo(f"f{sig.return_type.bitwidth // 8}").max)
@@ -129,10 +129,10 @@ def _emit_poke(builder, sig, args):
     builder.store(args[2], at, align=size)
 
 
-taught(lambda a, i: signature(a.dtype, a, types.int64), _emit_peek)(lanes.peek)
+registered(lambda a, i: signature(a.dtype, a, types.int64), _emit_peek)(lanes.peek)
 
 
-taught(lambda a, i, x: signature(types.none, a, types.int64, a.dtype), _emit_poke)(lanes.poke)
+registered(lambda a, i, x: signature(types.none, a, types.int64, a.dtype), _emit_poke)(lanes.poke)
 
 
 def _emit_prefetch(builder, sig, args):
@@ -141,28 +141,28 @@ def _emit_prefetch(builder, sig, args):
     intrinsic(builder, "llvm.prefetch.p0", ir.VoidType(), [at, read, keep, data])
 
 
-taught(lambda a, i: signature(types.none, a, types.int64), _emit_prefetch)(lanes.prefetch)
+registered(lambda a, i: signature(types.none, a, types.int64), _emit_prefetch)(lanes.prefetch)
 
 
-taught(_load_type, _emit_load)(lanes.load)
+registered(_load_type, _emit_load)(lanes.load)
 
 
-taught(_rows_type, _emit_load_rows)(lanes.load_rows)
+registered(_rows_type, _emit_load_rows)(lanes.load_rows)
 
 
-taught(
+registered(
     lambda a: signature(Lanes(a.dtype, lanes.BITS // a.dtype.bitwidth), a),
     lambda b, sig, args: ir.Constant(vector_of(sig.return_type), 0.0),
 )(lanes.packet)
 
 
-taught(lambda a, i, x: signature(types.none, a, types.int64, x), _emit_store)(lanes.store)
+registered(lambda a, i, x: signature(types.none, a, types.int64, x), _emit_store)(lanes.store)
 
 
-taught(lambda a, index: signature(Lanes(a.dtype, index.n), a, index), _emit_gather)(lanes.gather)
+registered(lambda a, index: signature(Lanes(a.dtype, index.n), a, index), _emit_gather)(lanes.gather)
 
 
-taught(lambda a, i, mask, x: signature(types.none, a, types.int64, mask, x), _emit_compress)(lanes.compress)
+registered(lambda a, i, mask, x: signature(types.none, a, types.int64, mask, x), _emit_compress)(lanes.compress)
 
 
 def _emit_splat(builder, sig, args):
@@ -195,40 +195,40 @@ def _emit_reduce(name):
     return emit
 
 
-taught(lambda x, like: signature(Lanes(like.elem, like.n), like.elem, like), _emit_splat)(lanes.splat)
+registered(lambda x, like: signature(Lanes(like.elem, like.n), like.elem, like), _emit_splat)(lanes.splat)
 
 
-taught(lambda x, like: signature(Lanes(types.int32, _count(like)), types.int32, like), _emit_splat)(lanes.splat_int)
+registered(lambda x, like: signature(Lanes(types.int32, _count(like)), types.int32, like), _emit_splat)(lanes.splat_int)
 
 
-taught(
+registered(
     lambda like: signature(Lanes(types.int32, like.n), like),
     lambda b, sig, args: ir.Constant(vector_of(sig.return_type), list(range(sig.return_type.n))),
 )(lanes.lane_numbers)
 
 
-taught(
+registered(
     lambda x, like: signature(Lanes(like.elem, like.n), x, like),
     lambda b, sig, args: b.sitofp(args[0], vector_of(sig.return_type)),
 )(lanes.to_real)
 
 
-taught(
+registered(
     lambda x: signature(Lanes(types.int32, x.n), x),
     lambda b, sig, args: b.fptosi(args[0], vector_of(sig.return_type)),
 )(lanes.to_int)
 
 
-taught(like_lanes(), vector_call("llvm.fma"))(lanes.fma)
+registered(like_lanes(), vector_call("llvm.fma"))(lanes.fma)
 
 
-taught(like_lanes(), vector_call("llvm.sqrt"))(lanes.sqrt)
+registered(like_lanes(), vector_call("llvm.sqrt"))(lanes.sqrt)
 
 
-taught(like_lanes(), vector_call("llvm.fabs"))(lanes.absolute)
+registered(like_lanes(), vector_call("llvm.fabs"))(lanes.absolute)
 
 
-taught(like_lanes(), vector_call("llvm.bitreverse"))(lanes.reverse_bits)
+registered(like_lanes(), vector_call("llvm.bitreverse"))(lanes.reverse_bits)
 
 
 def _choice(compare):
@@ -239,10 +239,10 @@ def _choice(compare):
     return emit
 
 
-taught(like_lanes(), _choice("<"))(lanes.minimum)
+registered(like_lanes(), _choice("<"))(lanes.minimum)
 
 
-taught(like_lanes(), _choice(">"))(lanes.maximum)
+registered(like_lanes(), _choice(">"))(lanes.maximum)
 
 
 def _select_type(mask, a, b):
@@ -250,26 +250,26 @@ def _select_type(mask, a, b):
     return pair and signature(pair.return_type, mask, *pair.args)
 
 
-taught(_select_type, lambda builder, sig, args: builder.select(*spread(builder, sig, args)))(lanes.select)
+registered(_select_type, lambda builder, sig, args: builder.select(*spread(builder, sig, args)))(lanes.select)
 
 
-taught(like_lanes(), _emit_power_of_two)(lanes.power_of_two)
+registered(like_lanes(), _emit_power_of_two)(lanes.power_of_two)
 
 
-taught(lambda mask: signature(types.int64, mask), _emit_bits)(lanes.bits)
+registered(lambda mask: signature(types.int64, mask), _emit_bits)(lanes.bits)
 
 
-taught(lambda x, like: signature(Mask(like.n), types.int64, like), _emit_mask_of)(lanes.mask_of)
+registered(lambda x, like: signature(Mask(like.n), types.int64, like), _emit_mask_of)(lanes.mask_of)
 
 
-taught(lambda x: signature(x.elem, x), _emit_reduce("fmin"))(lanes.lane_min)
+registered(lambda x: signature(x.elem, x), _emit_reduce("fmin"))(lanes.lane_min)
 
 
-taught(lambda x: signature(x.elem, x), _emit_reduce("fmax"))(lanes.lane_max)
+registered(lambda x: signature(x.elem, x), _emit_reduce("fmax"))(lanes.lane_max)
 
 
 def _group(compare):
-    """Exchange lanes with those 1 and 2 away, and keep the lesser or the greater."""
+    """Emitter: exchange lanes with those 1 and 2 away, and keep the smaller or the larger."""
 
     def emit(builder, sig, args):
         values, n = args[0], sig.args[0].n
@@ -282,19 +282,19 @@ def _group(compare):
     return emit
 
 
-taught(lambda x: signature(x, x), _group("<"))(lanes.group_min)
+registered(lambda x: signature(x, x), _group("<"))(lanes.group_min)
 
 
-taught(lambda x: signature(x, x), _group(">"))(lanes.group_max)
+registered(lambda x: signature(x, x), _group(">"))(lanes.group_max)
 
 
-taught(
+registered(
     lambda x: signature(types.int64, types.int64),
     lambda b, sig, args: intrinsic(b, "llvm.cttz.i64", I64, [args[0], ir.IntType(1)(1)]),
 )(lanes.first_bit)
 
 
-taught(
+registered(
     lambda mask: signature(types.int64, mask),
     lambda b, sig, args: intrinsic(b, "llvm.ctpop.i64", I64, [_emit_bits(b, sig, args)]),
 )(lanes.count)

@@ -1,4 +1,4 @@
-"""The SIMD lanes as Numba types, their operators, and how Numba is taught a function."""
+"""SIMD lanes as Numba types, their operators, and the registration of functions with Numba."""
 
 import operator
 
@@ -51,10 +51,13 @@ class _VectorModel(models.PrimitiveModel):
         super().__init__(manager, kind, vector_of(kind))
 
 
-def taught(result, emit, *shapes):
-    """Teach Numba a function: its type is ``result(*types)``, its instructions ``emit(builder, sig, args)``."""
+def registered(result, emit, *shapes):
+    """Return a decorator that registers a function with Numba.
 
-    def teach(function):
+    Its type is ``result(*types)``; ``emit(builder, sig, args)`` writes its instructions.
+    """
+
+    def register(function):
         class Template(AbstractTemplate):
             key = function
             prefer_literal = True
@@ -67,7 +70,7 @@ def taught(result, emit, *shapes):
             lower_builtin(function, *shape)(lambda context, builder, sig, args: emit(builder, sig, args))
         return function
 
-    return teach
+    return register
 
 
 def splatted(builder, scalar, n):
@@ -78,7 +81,7 @@ def splatted(builder, scalar, n):
 
 
 def spread(builder, sig, args):
-    """Arguments as vectors of one length."""
+    """Arguments as vectors of one length; scalars are broadcast."""
     n = next(kind.n for kind in sig.args if isinstance(kind, Lanes | Mask))
     pairs = zip(sig.args, args, strict=True)
     return [arg if isinstance(kind, Lanes | Mask) else splatted(builder, arg, n) for kind, arg in pairs]
@@ -90,7 +93,7 @@ def intrinsic(builder, name, result, args):
 
 
 def vector_call(name):
-    """An LLVM intrinsic named after its vector type, scalars spread."""
+    """Emitter of an LLVM intrinsic named after its vector type; scalars are broadcast."""
 
     def emit(builder, sig, args):
         vectors = spread(builder, sig, args)
@@ -101,7 +104,7 @@ def vector_call(name):
 
 
 def like_lanes(result=lambda lanes: lanes):
-    """Typing of an operation on lanes and scalars: scalars take the element type of the lanes."""
+    """Typing of an operation on lanes and scalars: scalars are converted to the element type of the lanes."""
 
     def typing(*args):
         lanes = [arg for arg in args if isinstance(arg, Lanes)]
@@ -129,7 +132,7 @@ def _comparison(predicate):
     def emit(builder, sig, args):
         vectors = spread(builder, sig, args)
         kind = next(arg.elem for arg in sig.args if isinstance(arg, Lanes))
-        if isinstance(kind, types.Float):  # as in IEEE 754, only != holds for NaN
+        if isinstance(kind, types.Float):  # as in IEEE 754, only != is true for NaN
             return (builder.fcmp_unordered if predicate == "!=" else builder.fcmp_ordered)(predicate, *vectors)
         return (builder.icmp_signed if kind.signed else builder.icmp_unsigned)(predicate, *vectors)
 
@@ -152,7 +155,7 @@ for _op, _real, _integer in (
     (operator.floordiv, None, "udiv"),
     (operator.mod, None, "urem"),
 ):
-    taught(like_lanes(), _arithmetic(_real, _integer), *_PAIRS)(_op)
+    registered(like_lanes(), _arithmetic(_real, _integer), *_PAIRS)(_op)
 
 
 for _op, _predicate in zip(
@@ -160,22 +163,22 @@ for _op, _predicate in zip(
     ("<", "<=", ">", ">=", "==", "!="),
     strict=True,
 ):
-    taught(like_lanes(lambda lanes: Mask(lanes.n)), _comparison(_predicate), *_PAIRS)(_op)
+    registered(like_lanes(lambda lanes: Mask(lanes.n)), _comparison(_predicate), *_PAIRS)(_op)
 
 
-taught(like_lanes(), lambda b, sig, args: b.fneg(*args), (Lanes,))(operator.neg)
+registered(like_lanes(), lambda b, sig, args: b.fneg(*args), (Lanes,))(operator.neg)
 
 
-taught(all_masks, lambda b, sig, args: b.and_(*args), (Mask, Mask))(operator.and_)
+registered(all_masks, lambda b, sig, args: b.and_(*args), (Mask, Mask))(operator.and_)
 
 
-taught(all_masks, lambda b, sig, args: b.or_(*args), (Mask, Mask))(operator.or_)
+registered(all_masks, lambda b, sig, args: b.or_(*args), (Mask, Mask))(operator.or_)
 
 
-taught(all_masks, lambda b, sig, args: b.not_(*args), (Mask,))(operator.invert)
+registered(all_masks, lambda b, sig, args: b.not_(*args), (Mask,))(operator.invert)
 
 
-taught(
+registered(
     lambda x, k: signature(x.elem, x, types.int64) if isinstance(x, Lanes) else None,
     lambda b, sig, args: b.extract_element(*args),
     (Lanes, types.Integer),

@@ -1,8 +1,9 @@
-"""How nodes and leaves lie in memory: all that a visit reads stands side by side.
+"""How nodes and leaves lie in memory: the data of one visit lies side by side.
 
-A node is 64 elements (four cache lines of float32): 8 low x, 8 low y, 8 low z, 8 high x, 8 high y, 8 high z, then the
-numbers of its 8 children, the bits of those that are there, and 7 that are unused. A leaf is 104: 8 each of v0 x y z,
-v1 x y z, v2 x y z, then the numbers of its 8 triangles, then 8 each of the unit normals x y z, which only hits read.
+A node has 64 elements (four cache lines of float32): 8 low x, 8 low y, 8 low z, 8 high x, 8 high y, 8 high z, then the
+numbers of its 8 children, the bits of the children that exist, and 7 unused elements. A leaf has 104 elements: 8 each
+of v0 x y z, v1 x y z, v2 x y z, then the numbers of its 8 triangles, then 8 each of the unit normals x y z, which are
+read for hits only.
 
 ``bounds`` and ``child`` of ``Nodes``, and ``rows`` and ``prim_id`` of ``Leaves``, are the same memory, seen as floats
 and as integers of the same size.
@@ -20,34 +21,34 @@ Leaves = WatertightLeaves | MollerTrumboreLeaves
 
 NODE_SIZE = 8 * NODE
 LEAF_SIZE = 13 * NODE
-CHILD = 6 * NODE  # where the children of a node stand
-PRESENT = 7 * NODE  # where their bits stand: bit k is set if there is a child k
-V0, V1, V2 = 0, 3 * NODE, 6 * NODE  # where the vertices of a leaf's triangles stand
-PRIM_ID = 9 * NODE
+CHILD = 6 * NODE  # offset of the children in a node
+PRESENT = 7 * NODE  # offset of their bits: bit k is set if there is a child k
+V0, V1, V2 = 0, 3 * NODE, 6 * NODE  # offsets of the vertices of the triangles in a leaf
+PRIM_ID = 9 * NODE  # offset of the numbers of the triangles
 NORMAL = 10 * NODE
 LINE = 64  # bytes of a cache line
 
 
 def integers(dtype: np.dtype) -> np.dtype:
-    """The integer type as large as a float type."""
+    """The integer type of the same size as a float type."""
     return np.dtype(f"i{dtype.itemsize}")
 
 
 def aligned(n: int, dtype: np.dtype) -> NDArray[Any]:
-    """N elements that begin where a cache line does."""
+    """Allocate n elements, aligned to a cache line."""
     memory = np.zeros(n * dtype.itemsize + LINE, np.uint8)
     start = -memory.__array_interface__["data"][0] % LINE
     return memory[start : start + n * dtype.itemsize].view(dtype)
 
 
 def make_nodes(n: int, dtype: np.dtype) -> Nodes:
-    """Room for n nodes."""
+    """Allocate n nodes."""
     memory = aligned(n * NODE_SIZE, dtype)
     return Nodes(memory, memory.view(integers(dtype)))
 
 
 def make_leaves(kind: type[Leaves], n: int, dtype: np.dtype) -> Leaves:
-    """Room for n leaves."""
+    """Allocate n leaves."""
     memory = aligned(n * LEAF_SIZE, dtype)
     return kind(memory, memory.view(integers(dtype)))
 

@@ -1,30 +1,14 @@
-"""The two queries: nearest hits and occlusion of a batch of rays, bundle by bundle.
+"""The two queries, nearest hits and occlusion, of any number of rays, bundle by bundle.
 
-A bundle of packets that run close together goes through the tree as one. Otherwise each packet is split by kind, and
-rays of one kind go through the tree side by side.
+Packets whose rays run close together go through the tree as one bundle. Otherwise each packet is split by octant and
+dominant axis, and the rays that share both go through the tree side by side.
 """
 
 import numpy as np
 
-from raytrace.accel.box import make_beam, make_slabs, wide_beam
+from raytrace.accel.box import PacketBounds, Slabs, endless_packet_bounds, make_packet_bounds, make_slabs
 from raytrace.accel.bundle import Bundle, any_in_packet, closest_in_packet, trace_bundle
 from raytrace.accel.frustum import make_frusta
-from raytrace.accel.kinds import (
-    FRAME,
-    HIT,
-    RAW,
-    TMIN,
-    Axes,
-    RayPacket,
-    hits_row,
-    kind_of,
-    kinds_of,
-    make_frame,
-    put,
-    row,
-    same_kind,
-    slot,
-)
 from raytrace.accel.lanes import (
     absolute,
     bits,
@@ -49,17 +33,35 @@ from raytrace.accel.lanes import (
     store,
 )  # fmt: skip
 from raytrace.accel.layout import NODE_SIZE
+from raytrace.accel.octants import Axes, RayPacket, axes_of, make_ray_frame, octants_of, same_octant_and_axis
 from raytrace.accel.packet import any_packet, closest_packet
+from raytrace.accel.scratch import (
+    FRAME,
+    HIT_T,
+    HIT_U,
+    HIT_V,
+    OCCLUDED,
+    ORIGIN,
+    SCALE,
+    TMIN,
+    BundleRays,
+    read_bundle_rays,
+    read_prim_id,
+    read_row,
+    write_prim_id,
+    write_rows,
+)
 from raytrace.accel.vectors import scaled
 from raytrace.jit import inlined, kernel
+from raytrace.records import Columns, Hits, Rays, Tree, Work
 
-ORDINARY = 2.0**10  # directions whose largest component lies within 1 / this .. this are taken as they are
-LIFT = 2.0**64  # brings the shortest directions to where their exponent is normal
+ORDINARY = 2.0**10  # directions whose largest component lies in 1 / ORDINARY .. ORDINARY are not scaled
+LIFT = 2.0**64  # scales the shortest directions to where their exponent is normal
 
 
 @inlined
-def read(columns, i, axis, n, like):
-    """Component ``axis`` of rays i, i + 1, ...; past the last ray, that one again."""
+def read(columns: Columns, i: int, axis: int, n: int, like):
+    """Component ``axis`` of rays i, i + 1, ...; lanes beyond the last ray repeat it."""
     at = columns.start + axis * columns.axis
     if columns.row == 0:
         return splat(columns.data[at], like)
@@ -70,25 +72,26 @@ def read(columns, i, axis, n, like):
 
 
 @inlined
-def read_vectors(columns, i, n, like):
-    """x, y, z of rays i, i + 1, ...; past the last ray, those again."""
+def read_vectors(columns: Columns, i: int, n: int, like):
+    """x, y, z of rays i, i + 1, ...; lanes beyond the last ray repeat it."""
     if columns.row == 3 and columns.axis == 1 and i + packet_width(columns.data) <= n:
         return load_rows(columns.data, columns.start + 3 * i, like)
     return read(columns, i, 0, n, like), read(columns, i, 1, n, like), read(columns, i, 2, n, like)
 
 
 @inlined
-def pick(columns, rows, axis):
-    """Component ``axis`` of rays of any numbers."""
+def pick(columns: Columns, rows, axis: int):
+    """Component ``axis`` of the rays whose numbers are ``rows``."""
     return gather(columns.data, rows * np.int32(columns.row) + np.int32(columns.start + axis * columns.axis))
 
 
 @inlined
-def read_rays(rays, i, n, like):
-    """Origins, directions, their scale, tmin and tmax in units of the scaled directions.
+def read_rays(rays: Rays, i: int, n: int, like) -> BundleRays:
+    """Rays i, i + 1, ... of one packet.
 
-    Packets with extreme directions have all of theirs scaled to a largest component in [1, 2), by powers of two, which
-    is exact. Rays that can't hit (not finite, no length, an empty range, past the last) get tmax = -inf.
+    Where a packet has an extreme direction, all its directions are scaled by powers of two, so that the largest
+    component lies in [1, 2). That is exact. Rays that cannot hit get tmax = -inf: those that are not finite, have no
+    direction or an empty range, or come after the last.
     """
     o, d = read_vectors(rays.o, i, n, like), read_vectors(rays.d, i, n, like)
     tmin, tmax = read(rays.tmin, i, 0, n, like), read(rays.tmax, i, 0, n, like)
@@ -102,12 +105,12 @@ def read_rays(rays, i, n, like):
         d = scaled(scaled(d, lift), 1.0 / scale)
         scale = scale / lift
         tmin, tmax = tmin * scale, minimum(tmax, machine_largest(rays.d.data)) * scale
-    return o, d, scale, select(alive, tmin, np.inf), select(alive, tmax, -np.inf)
+    return BundleRays(o, d, scale, select(alive, tmin, np.inf), select(alive, tmax, -np.inf))
 
 
 @inlined
-def write(a, i, n, x):
-    """Write a register to elements i, i + 1, ... of an array of length n."""
+def write(a, i: int, n: int, x):
+    """Write a register to elements i, i + 1, ... of an array of length n, as far as it goes."""
     if i + packet_width(a) <= n:
         store(a, i, x)
     else:
@@ -115,25 +118,29 @@ def write(a, i, n, x):
 
 
 @inlined
-def beam_of(tree, o, slabs, tmin, mask, eps):
-    """Beam of the rays of a packet that go through a tree."""
+def packet_bounds(tree: Tree, o, slabs: Slabs, tmin, mask, eps) -> PacketBounds:
+    """Bounds of the rays of a packet; endless for a tree of one node, whose boxes are all tested one by one."""
     if len(tree.nodes.bounds) == NODE_SIZE:
-        return wide_beam(tmin)
-    return make_beam(o, slabs, tmin, mask, eps)
+        return endless_packet_bounds(tmin)
+    return make_packet_bounds(o, slabs, tmin, mask, eps)
 
 
 @inlined
-def collect(rays, i, n, count, work):
-    """Write packets to scratch memory; dominant axis and sense (1 or -1) of all rays alive, or -1 and 0 where mixed."""
+def collect(rays: Rays, i: int, n: int, count: int, work: Work):
+    """Write the packets of a bundle to scratch memory; return the dominant axis and the sense of all rays alive.
+
+    The sense is 1 or -1: along the axis or against it. Where rays differ in either, or where any tmin is negative, axis
+    and sense are -1 and 0.
+    """
     like = packet(work.lanes)
     nowhere = like != like
     x, y, z, back, forth, before = nowhere, nowhere, nowhere, nowhere, nowhere, nowhere
     for r in range(count):
         o, d, scale, tmin, tmax = read_rays(rays, i + r * packet_width(work.lanes), n, like)
         alive = tmin < tmax
-        put(work, slot(r) + RAW, (o[0], o[1], o[2], d[0], d[1], d[2], scale))
-        put(work, slot(r) + TMIN, (tmin, tmax, splat(0.0, like), splat(0.0, like)))
-        store(work.prim_id, hits_row(work, r), splat_int(-1, like))
+        write_rows(work, r, ORIGIN, (o[0], o[1], o[2], d[0], d[1], d[2], scale))
+        write_rows(work, r, TMIN, (tmin, tmax, splat(0.0, like), splat(0.0, like)))
+        write_prim_id(work, r, splat_int(-1, like))
         ax, ay, az = absolute(d[0]), absolute(d[1]), absolute(d[2])
         on_x = (ax >= ay) & (ax >= az)
         on_y = ~on_x & (ay >= az)
@@ -150,31 +157,22 @@ def collect(rays, i, n, count, work):
 
 
 @inlined
-def raw(work, r, like):
-    """Origins, directions, scale, tmin and tmax of packet r of a bundle."""
-    at = slot(r) + RAW
-    o = row(work, at, like), row(work, at + 1, like), row(work, at + 2, like)
-    d = row(work, at + 3, like), row(work, at + 4, like), row(work, at + 5, like)
-    return o, d, row(work, at + 6, like), row(work, slot(r) + TMIN, like), row(work, slot(r) + HIT, like)
-
-
-@inlined
-def packets_from(i, n, work):
-    """How many packets the bundle has that begins with ray i."""
+def packets_from(i: int, n: int, work: Work) -> int:
+    """Number of packets in the bundle that begins with ray i."""
     width = packet_width(work.lanes)
     return min(group_size(work.lanes), (n - i + width - 1) // width)
 
 
 @inlined
-def went_together(tree, rays, i, n, test, work):
-    """Write packets to scratch memory; where they run close together, take them through the tree as a bundle."""
+def trace_together(tree: Tree, rays: Rays, i: int, n: int, test, work: Work) -> bool:
+    """Write packets to scratch memory; trace them as a bundle if they run close together; return whether they do."""
     count = packets_from(i, n, work)
     dominant, sense = collect(rays, i, n, count, work)
     if dominant < 0:
         return False
     for r in range(count):
-        o, d, scale, _, _ = raw(work, r, packet(work.lanes))
-        put(work, slot(r) + FRAME, make_frame(dominant, o, d, scale))
+        o, d, scale, _, _ = read_bundle_rays(work, r, packet(work.lanes))
+        write_rows(work, r, FRAME, make_ray_frame(dominant, o, d, scale))
     whole, groups, narrow = make_frusta(tree.extent, dominant, sense, count, work)
     if narrow:
         axes = Axes(0, 0, 0, 8 * ((dominant + 1) % 3), 8 * ((dominant + 2) % 3), 8 * dominant)
@@ -183,70 +181,71 @@ def went_together(tree, rays, i, n, test, work):
 
 
 @inlined
-def closest_of_packet(tree, r, work, like):
-    """Nearest hits of packet r of a bundle, kind by kind."""
+def closest_of_packet(tree: Tree, r: int, work: Work, like):
+    """Find the nearest hits of packet r of a bundle, for each octant and dominant axis on its own."""
     eps = machine_epsilon(tree.nodes.bounds)
-    o, d, scale, tmin, tmax = raw(work, r, like)
-    slabs, kinds = make_slabs(o, d, eps), kinds_of(d)
+    o, d, scale, tmin, tmax = read_bundle_rays(work, r, like)
+    slabs, octants = make_slabs(o, d, eps), octants_of(d)
     t, u, v, prim = tmax, splat(0.0, like), splat(0.0, like), splat_int(-1, like)
     left = bits(tmin < tmax)
     while left != 0:
         k = first_bit(left)
-        same = left & same_kind(kinds, k)
+        same = left & same_octant_and_axis(octants, k)
         left &= ~same
-        dominant, axes = kind_of(kinds, k)
-        alike = RayPacket(slabs, make_frame(dominant, o, d, scale), axes, tmin)
+        dominant, axes = axes_of(octants, k)
+        alike = RayPacket(slabs, make_ray_frame(dominant, o, d, scale), axes, tmin)
         mask = mask_of(same, like)
-        hit = closest_packet(tree, alike, beam_of(tree, o, slabs, tmin, mask, eps), same, tmax, work)
-        t, u, v = select(mask, hit[0], t), select(mask, hit[1], u), select(mask, hit[2], v)
-        prim = select(mask, hit[3], prim)
-    put(work, slot(r) + HIT, (t, u, v))
-    store(work.prim_id, hits_row(work, r), prim)
+        hits = closest_packet(tree, alike, packet_bounds(tree, o, slabs, tmin, mask, eps), same, tmax, work)
+        t, u, v = select(mask, hits.t, t), select(mask, hits.u, u), select(mask, hits.v, v)
+        prim = select(mask, hits.prim_id, prim)
+    write_rows(work, r, HIT_T, (t, u, v))
+    write_prim_id(work, r, prim)
 
 
 @inlined
-def any_of_packet(tree, r, work, like):
-    """Bits of the rays of packet r of a bundle that hit anything, kind by kind."""
+def any_of_packet(tree: Tree, r: int, work: Work, like) -> int:
+    """Bits of the rays of packet r of a bundle that hit anything, for each octant and dominant axis on its own."""
     eps = machine_epsilon(tree.nodes.bounds)
-    o, d, scale, tmin, tmax = raw(work, r, like)
-    slabs, kinds = make_slabs(o, d, eps), kinds_of(d)
-    left, hit = bits(tmin < tmax), 0
+    o, d, scale, tmin, tmax = read_bundle_rays(work, r, like)
+    slabs, octants = make_slabs(o, d, eps), octants_of(d)
+    left, occluded = bits(tmin < tmax), 0
     while left != 0:
         k = first_bit(left)
-        same = left & same_kind(kinds, k)
+        same = left & same_octant_and_axis(octants, k)
         left &= ~same
-        dominant, axes = kind_of(kinds, k)
-        alike = RayPacket(slabs, make_frame(dominant, o, d, scale), axes, tmin)
-        hit |= any_packet(tree, alike, beam_of(tree, o, slabs, tmin, mask_of(same, like), eps), same, tmax, work)
-    return hit
+        dominant, axes = axes_of(octants, k)
+        alike = RayPacket(slabs, make_ray_frame(dominant, o, d, scale), axes, tmin)
+        bounds = packet_bounds(tree, o, slabs, tmin, mask_of(same, like), eps)
+        occluded |= any_packet(tree, alike, bounds, same, tmax, work)
+    return occluded
 
 
 @kernel
-def closest_hit(tree, rays, hits, n, work):
-    """Nearest hits of n rays."""
+def closest_hit(tree: Tree, rays: Rays, hits: Hits, n: int, work: Work):
+    """Find the nearest hits of n rays."""
     like, width = packet(tree.nodes.bounds), packet_width(tree.nodes.bounds)
     for i in range(0, n, group_size(work.lanes) * width):
-        together = went_together(tree, rays, i, n, closest_in_packet, work)
+        together = trace_together(tree, rays, i, n, closest_in_packet, work)
         for r in range(packets_from(i, n, work)):
             if not together:
                 closest_of_packet(tree, r, work, like)
-            at, prim = i + r * width, load(work.prim_id, hits_row(work, r), like)
-            found, scale = prim >= 0, row(work, slot(r) + RAW + 6, like)
-            write(hits.t, at, n, select(found, row(work, slot(r) + HIT, like) / scale, np.inf))
+            at, prim = i + r * width, read_prim_id(work, r, like)
+            found, scale = prim >= 0, read_row(work, r, SCALE, like)
+            write(hits.t, at, n, select(found, read_row(work, r, HIT_T, like) / scale, np.inf))
             write(hits.prim_id, at, n, prim)
-            write(hits.u, at, n, select(found, row(work, slot(r) + HIT + 1, like), 0.0))
-            write(hits.v, at, n, select(found, row(work, slot(r) + HIT + 2, like), 0.0))
+            write(hits.u, at, n, select(found, read_row(work, r, HIT_U, like), 0.0))
+            write(hits.v, at, n, select(found, read_row(work, r, HIT_V, like), 0.0))
 
 
 @kernel
-def any_hit(tree, rays, occluded, n, work):
-    """Whether n rays hit anything."""
+def any_hit(tree: Tree, rays: Rays, occluded, n: int, work: Work):
+    """Find which of n rays hit anything."""
     like, width = packet(tree.nodes.bounds), packet_width(tree.nodes.bounds)
     for i in range(0, n, group_size(work.lanes) * width):
-        together = went_together(tree, rays, i, n, any_in_packet, work)
+        together = trace_together(tree, rays, i, n, any_in_packet, work)
         for r in range(packets_from(i, n, work)):
             if together:
-                hit = row(work, slot(r) + HIT + 1, like) > 0.0
+                hit = read_row(work, r, OCCLUDED, like) > 0.0
             else:
                 hit = mask_of(any_of_packet(tree, r, work, like), like)
             if i + (r + 1) * width <= n:

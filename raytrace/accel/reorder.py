@@ -1,7 +1,8 @@
-"""Rays in another order: those that begin in the same cell and point the same way go through the tree together.
+"""Sort rays, so that rays that start in the same cell and point the same way go through the tree together.
 
-Rays in random order find neither their nodes in the cache nor others of their kind to share a packet with. Sorting them
-by cell and kind costs far less than it saves [Pharr1997]. The answers are the same bits, in the order of the rays.
+Rays in random order find neither their nodes in the cache nor rays of the same octant and dominant axis to share a
+packet with. Sorting them by cell, octant and axis costs far less than it saves [Pharr1997]. The results are
+bit-identical, and come in the original order.
 """
 
 from typing import NamedTuple
@@ -30,24 +31,24 @@ from raytrace.jit import inlined, kernel
 from raytrace.records import Columns, Hits, Rays, Tree, Work
 
 DIGIT = 12  # bits that one pass of the radix sort orders by
-KIND = 5  # bits of a kind: signs, and dominant axis
+DIRECTION_BITS = 5  # of a key: octant (3) and dominant axis (2)
 MAX_BITS = 8  # of a cell, per axis
-SAMPLE = 256  # rays looked at to see whether they are in order already
+SAMPLE = 256  # rays that decide whether a batch is in order already
 
 
 class Grid(NamedTuple):
-    """About as many cells as a tree has leaves, over its bounds."""
+    """Grid over the bounds of a tree, of about as many cells as it has leaves."""
 
     low: NDArray[np.floating]  # (3,) f, world units
     scale: NDArray[np.floating]  # (3,) f: cells per world unit
-    bits: int  # cells per axis are 2 to this
+    bits: int  # there are 2^bits cells along each axis
 
 
 class SortScratch(NamedTuple):
     """Scratch memory of one thread, for n rays."""
 
     keys: NDArray[np.int32]  # (2, n)
-    numbers: NDArray[np.int32]  # (2, n): of the rays that the keys belong to
+    numbers: NDArray[np.int32]  # (2, n): numbers of the rays with these keys
     counts: NDArray[np.int32]  # (2^DIGIT,)
     rays: NDArray[np.floating]  # (8n,) f: o x y z, d x y z, tmin, tmax
     hits: Hits
@@ -56,7 +57,7 @@ class SortScratch(NamedTuple):
 
 
 def make_grid(tree: Tree) -> Grid:
-    """The grid of a tree."""
+    """Make the grid of a tree."""
     bounds = boxes_of(tree.nodes)[0]
     low, high = bounds[:3].min(axis=1), bounds[3:].max(axis=1)
     bits = min(round(np.log2(max(np.count_nonzero(children_of(tree.nodes) < 0), 1)) / 3), MAX_BITS)
@@ -65,8 +66,8 @@ def make_grid(tree: Tree) -> Grid:
     return Grid(low, scale.astype(low.dtype), bits)
 
 
-def make_room(n: int, dtype: np.dtype, work: Work) -> SortScratch:
-    """Scratch memory for n rays."""
+def make_sort_scratch(n: int, dtype: np.dtype, work: Work) -> SortScratch:
+    """Allocate scratch memory for n rays."""
     n = -(-n // PACKET) * PACKET
     hits = Hits(np.empty(n, dtype), np.empty(n, np.int32), np.empty(n, dtype), np.empty(n, dtype))
     pairs = np.empty((2, n), np.int32), np.empty((2, n), np.int32)
@@ -77,7 +78,7 @@ def make_room(n: int, dtype: np.dtype, work: Work) -> SortScratch:
 
 @inlined
 def cell_of(x, low, scale, bits):
-    """Numbers of cells along one axis, their bits three apart."""
+    """Numbers of cells along one axis, with their bits spread three apart for a Morton code."""
     cell = to_int(maximum(minimum((x - low) * scale, (1 << bits) - 1.0), 0.0))
     cell = (cell | cell << np.int32(8)) & np.int32(0x0300F00F)
     cell = (cell | cell << np.int32(4)) & np.int32(0x030C30C3)
@@ -85,8 +86,8 @@ def cell_of(x, low, scale, bits):
 
 
 @inlined
-def keys_of(rays, i, n, grid, like):
-    """Cells of origins in Morton order, then signs and dominant axis of directions."""
+def keys_of(rays: Rays, i: int, n: int, grid: Grid, like):
+    """Sort keys of rays: Morton code of the origin's cell, then octant and dominant axis in the lowest bits."""
     zero = splat_int(0, like)
     o, (x, y, z) = query.read_vectors(rays.o, i, n, like), query.read_vectors(rays.d, i, n, like)
     ax, ay, az = absolute(x), absolute(y), absolute(z)
@@ -95,43 +96,43 @@ def keys_of(rays, i, n, grid, like):
     key = key | select(z < 0.0, zero + np.int32(4), np.int32(0))
     for axis in range(3):
         cell = cell_of(o[axis], grid.low[axis], grid.scale[axis], grid.bits)
-        key = key | cell << np.int32(KIND + axis)
+        key = key | cell << np.int32(DIRECTION_BITS + axis)
     return key
 
 
 @kernel
-def changes(rays, n, grid, room):
-    """How often neighbours differ in cell or kind, among ``SAMPLE`` rays: runs of ``PACKET``, here and there."""
-    like = packet(room.rays)
+def changes(rays: Rays, n: int, grid: Grid, scratch: SortScratch):
+    """Number of neighbours with different keys among ``SAMPLE`` rays, taken as runs of ``PACKET`` across the batch."""
+    like = packet(scratch.rays)
     found = 0
     for part in range(SAMPLE // PACKET):
         i = part * (n - PACKET) // (SAMPLE // PACKET - 1)
-        for k in range(0, PACKET, packet_width(room.rays)):
-            store(room.keys[0], k, keys_of(rays, i + k, n, grid, like))
+        for k in range(0, PACKET, packet_width(scratch.rays)):
+            store(scratch.keys[0], k, keys_of(rays, i + k, n, grid, like))
         for k in range(1, PACKET):
-            found += room.keys[0, k] != room.keys[0, k - 1]
+            found += scratch.keys[0, k] != scratch.keys[0, k - 1]
     return found
 
 
 @kernel
-def sort_rays(rays, n, grid, room):
-    """Keys and numbers of rays, sorted by key: a radix sort, least digit first. Which row of ``numbers`` has them."""
-    like = packet(room.rays)
-    for i in range(0, n, packet_width(room.rays)):
-        store(room.keys[0], i, keys_of(rays, i, n, grid, like))
+def sort_rays(rays: Rays, n: int, grid: Grid, scratch: SortScratch):
+    """Sort keys and numbers of rays by key (radix sort, least digit first); return the row of ``numbers`` to read."""
+    like = packet(scratch.rays)
+    for i in range(0, n, packet_width(scratch.rays)):
+        store(scratch.keys[0], i, keys_of(rays, i, n, grid, like))
     for i in range(n):
-        room.numbers[0, i] = i
+        scratch.numbers[0, i] = i
     row = 0
-    for shift in range(0, KIND + 3 * grid.bits, DIGIT):
-        target = room.keys[1 - row], room.numbers[1 - row]
-        sort_by_digit(room.keys[row], room.numbers[row], n, shift, room.counts, target)
+    for shift in range(0, DIRECTION_BITS + 3 * grid.bits, DIGIT):
+        target = scratch.keys[1 - row], scratch.numbers[1 - row]
+        sort_by_digit(scratch.keys[row], scratch.numbers[row], n, shift, scratch.counts, target)
         row = 1 - row
     return row
 
 
 @inlined
 def sort_by_digit(keys, numbers, n, shift, counts, target):
-    """One pass of a radix sort, to the keys and numbers of ``target``."""
+    """One pass of a radix sort; writes the keys and numbers of ``target``."""
     counts[:] = 0
     for i in range(n):
         counts[(peek(keys, i) >> shift) & ((1 << DIGIT) - 1)] += 1
@@ -150,8 +151,8 @@ def sort_by_digit(keys, numbers, n, shift, counts, target):
 
 
 @kernel
-def take(rays, n, numbers, out):
-    """Copy rays in the order of ``numbers``, structure of arrays."""
+def take(rays: Rays, n: int, numbers, out):
+    """Copy rays in the order of ``numbers``, as a structure of arrays."""
     like = packet(out)
     size = len(out) // 8
     for i in range(n, min(n + packet_width(out), size)):
@@ -167,35 +168,35 @@ def take(rays, n, numbers, out):
 
 @kernel
 def give_back(values, n, numbers, out):
-    """Write what belongs to sorted rays where the rays came from."""
+    """Write the values of sorted rays in the original order of the rays."""
     for i in range(n):
         poke(out, peek(numbers, i), peek(values, i))
 
 
-def closest_hit(tree: Tree, grid: Grid, rays: Rays, hits: Hits, n: int, room: SortScratch) -> None:
-    """Nearest hits of n rays, sorted if need be."""
-    if n < SAMPLE or 2 * changes(rays, n, grid, room) <= SAMPLE:
-        query.closest_hit(tree, rays, hits, n, room.work)
+def closest_hit(tree: Tree, grid: Grid, rays: Rays, hits: Hits, n: int, scratch: SortScratch) -> None:
+    """Find the nearest hits of n rays, which are sorted first if that is faster."""
+    if n < SAMPLE or 2 * changes(rays, n, grid, scratch) <= SAMPLE:
+        query.closest_hit(tree, rays, hits, n, scratch.work)
         return
-    numbers, rays = _sorted(rays, n, grid, room)
-    query.closest_hit(tree, rays, room.hits, n, room.work)
-    for values, out in zip(room.hits, hits, strict=True):
+    numbers, rays = _sorted(rays, n, grid, scratch)
+    query.closest_hit(tree, rays, scratch.hits, n, scratch.work)
+    for values, out in zip(scratch.hits, hits, strict=True):
         give_back(values, n, numbers, out)
 
 
-def any_hit(tree: Tree, grid: Grid, rays: Rays, occluded: NDArray[np.bool_], n: int, room: SortScratch) -> None:
-    """Occlusion of n rays, sorted if need be."""
-    if n < SAMPLE or 2 * changes(rays, n, grid, room) <= SAMPLE:
-        query.any_hit(tree, rays, occluded, n, room.work)
+def any_hit(tree: Tree, grid: Grid, rays: Rays, occluded: NDArray[np.bool_], n: int, scratch: SortScratch) -> None:
+    """Find which of n rays are occluded; the rays are sorted first if that is faster."""
+    if n < SAMPLE or 2 * changes(rays, n, grid, scratch) <= SAMPLE:
+        query.any_hit(tree, rays, occluded, n, scratch.work)
         return
-    numbers, rays = _sorted(rays, n, grid, room)
-    query.any_hit(tree, rays, room.occluded, n, room.work)
-    give_back(room.occluded, n, numbers, occluded)
+    numbers, rays = _sorted(rays, n, grid, scratch)
+    query.any_hit(tree, rays, scratch.occluded, n, scratch.work)
+    give_back(scratch.occluded, n, numbers, occluded)
 
 
-def _sorted(rays: Rays, n: int, grid: Grid, room: SortScratch) -> tuple[NDArray[np.int32], Rays]:
-    numbers = room.numbers[sort_rays(rays, n, grid, room)]
-    take(rays, n, numbers, room.rays)
-    size = len(room.occluded)
-    columns = [Columns(room.rays, first * size, 1, size) for first in (0, 3, 6, 7)]
+def _sorted(rays: Rays, n: int, grid: Grid, scratch: SortScratch) -> tuple[NDArray[np.int32], Rays]:
+    numbers = scratch.numbers[sort_rays(rays, n, grid, scratch)]
+    take(rays, n, numbers, scratch.rays)
+    size = len(scratch.occluded)
+    columns = [Columns(scratch.rays, first * size, 1, size) for first in (0, 3, 6, 7)]
     return numbers, Rays(*columns)

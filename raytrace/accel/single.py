@@ -1,19 +1,21 @@
-"""One ray through the tree: against the eight boxes of a node, or the eight triangles of a leaf, at once."""
+"""One ray through the tree: it is tested against the eight boxes of a node, or eight triangles of a leaf, at once."""
 
 import numpy as np
 
 from raytrace.accel.box import slab_test
-from raytrace.accel.kinds import HIT, number_of, put_number
 from raytrace.accel.lanes import NODE, bits, first_bit, load, peek, poke, prefetch
 from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, NORMAL, PRESENT, PRIM_ID, V0, V1, V2
+from raytrace.accel.octants import Axes, RayPacket
+from raytrace.accel.scratch import HIT_T, HIT_U, HIT_V, read_lane, write_lane
 from raytrace.accel.stack import NOTHING, pop, push
-from raytrace.accel.triangle import intersect
+from raytrace.accel.triangle import Triangle, intersect
 from raytrace.jit import inlined
+from raytrace.records import Tree, Work
 
 
 @inlined
-def planes_of_node(bounds, at, axes):
-    """Near and far x, y, z planes of eight boxes: lanes."""
+def planes_of_node(bounds, at: int, axes: Axes):
+    """Near planes (x, y, z) and far planes of the eight boxes of a node: lanes."""
     near = load(bounds, at + axes.near_x, 8), load(bounds, at + axes.near_y, 8), load(bounds, at + axes.near_z, 8)
     far = (
         load(bounds, at + 24 - axes.near_x, 8),
@@ -24,23 +26,23 @@ def planes_of_node(bounds, at, axes):
 
 
 @inlined
-def corners(rows, at, axes):
-    """x, y, z of eight triangles' vertices or normals, in the axes of the rays."""
+def corners(rows, at: int, axes: Axes):
+    """x, y, z of a vertex, or of the normal, of eight triangles; the dominant axis of the ray comes last."""
     return load(rows, at + axes.x, 8), load(rows, at + axes.y, 8), load(rows, at + axes.z, 8)
 
 
 @inlined
-def eight_triangles(rows, at, axes):
-    """Vertices and normals of the eight triangles of a leaf."""
-    return (
+def eight_triangles(rows, at: int, axes: Axes) -> Triangle:
+    """The eight triangles of a leaf."""
+    return Triangle(
         corners(rows, at + V0, axes), corners(rows, at + V1, axes), corners(rows, at + V2, axes),
         corners(rows, at + NORMAL, axes),
     )  # fmt: skip
 
 
 @inlined
-def fetch(tree, child):
-    """Ask for a node or leaf before it is its turn."""
+def fetch(tree: Tree, child: int):
+    """Prefetch a node or leaf that will be visited soon."""
     if child >= 0:
         for line in range(0, NODE_SIZE, 16):
             prefetch(tree.nodes.bounds, child * NODE_SIZE + line)
@@ -50,12 +52,13 @@ def fetch(tree, child):
 
 
 @inlined
-def enter_single(tree, node, rays, tmax, top, work):
-    """Nearest child of a node that a ray enters, or NOTHING; the others go on the stack, whose height it returns."""
-    near, far = planes_of_node(tree.nodes.bounds, node * NODE_SIZE, rays.axes)
-    t, entered = slab_test(rays.slabs, near, far, rays.tmin, tmax)
+def enter_single(tree: Tree, node: int, ray: RayPacket, tmax, top: int, work: Work):
+    """Nearest child of a node that a ray enters, or NOTHING; push the others, and return the new stack height too."""
+    near, far = planes_of_node(tree.nodes.bounds, node * NODE_SIZE, ray.axes)
+    t, entered = slab_test(ray.slabs, near, far, ray.tmin, tmax)
     work.counts[0] += 1
-    left = bits(entered) & np.int64(peek(tree.nodes.child, node * NODE_SIZE + PRESENT))  # a NaN enters what is absent
+    # an empty child slot can be entered where an operand is NaN, so the bits of the present children are needed
+    left = bits(entered) & np.int64(peek(tree.nodes.child, node * NODE_SIZE + PRESENT))
     if left == 0:
         return NOTHING, top
     k = first_bit(left)
@@ -76,21 +79,21 @@ def enter_single(tree, node, rays, tmax, top, work):
 
 
 @inlined
-def closest_single(tree, rays, child, base, lane, work):
-    """Nearest hit of one ray below a child; t, u, v, prim_id of its lane in scratch memory are read and written."""
+def closest_single(tree: Tree, ray: RayPacket, child: int, base: int, lane: int, work: Work):
+    """Find the nearest hit of one ray below a child; read and write t, u, v, prim_id of its lane in scratch memory."""
     leaves = tree.leaves
-    t, u, v = number_of(work, HIT, lane), number_of(work, HIT + 1, lane), number_of(work, HIT + 2, lane)
+    t, u, v = read_lane(work, HIT_T, lane), read_lane(work, HIT_U, lane), read_lane(work, HIT_V, lane)
     prim, top = peek(work.prim_id, lane), base
     while child != NOTHING:
         if child >= 0:
-            child, top = enter_single(tree, child, rays, t, top, work)
+            child, top = enter_single(tree, child, ray, t, top, work)
             if child == NOTHING:
                 child, top = pop(work, base, top, t)
             continue
         at = ~child * LEAF_SIZE
         work.counts[1] += NODE
-        inside, t_new, u_new, v_new = intersect(leaves, rays.frame, eight_triangles(leaves.rows, at, rays.axes))
-        left = bits(inside & (t_new > rays.tmin) & (t_new <= t))
+        inside, t_new, u_new, v_new = intersect(leaves, ray.frame, eight_triangles(leaves.rows, at, ray.axes))
+        left = bits(inside & (t_new > ray.tmin) & (t_new <= t))
         while left != 0:
             k = first_bit(left)
             left &= left - 1
@@ -98,26 +101,26 @@ def closest_single(tree, rays, child, base, lane, work):
             if t_new[k] < t or (t_new[k] == t and number < prim):
                 t, u, v, prim = t_new[k], u_new[k], v_new[k], number
         child, top = pop(work, base, top, t)
-    put_number(work, HIT, lane, t)
-    put_number(work, HIT + 1, lane, u)
-    put_number(work, HIT + 2, lane, v)
+    write_lane(work, HIT_T, lane, t)
+    write_lane(work, HIT_U, lane, u)
+    write_lane(work, HIT_V, lane, v)
     poke(work.prim_id, lane, prim)
 
 
 @inlined
-def any_single(tree, rays, tmax, child, base, work):
+def any_single(tree: Tree, ray: RayPacket, tmax, child: int, base: int, work: Work):
     """Whether one ray hits anything below a child: 1 or 0."""
     leaves, top = tree.leaves, base
     while child != NOTHING:
         if child >= 0:
-            child, top = enter_single(tree, child, rays, tmax, top, work)
+            child, top = enter_single(tree, child, ray, tmax, top, work)
             if child == NOTHING:
                 child, top = pop(work, base, top, tmax)
             continue
         work.counts[1] += NODE
-        triangles = eight_triangles(leaves.rows, ~child * LEAF_SIZE, rays.axes)
-        inside, t, _, _ = intersect(leaves, rays.frame, triangles)
-        if bits(inside & (t > rays.tmin) & (t < tmax)) != 0:
+        triangles = eight_triangles(leaves.rows, ~child * LEAF_SIZE, ray.axes)
+        inside, t, _, _ = intersect(leaves, ray.frame, triangles)
+        if bits(inside & (t > ray.tmin) & (t < tmax)) != 0:
             return 1
         child, top = pop(work, base, top, tmax)
     return 0

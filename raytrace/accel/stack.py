@@ -1,17 +1,21 @@
-"""The stack of a traversal: what is left to visit, and how far away it is."""
+"""The stack of a traversal: nodes and leaves still to visit, and their distances."""
 
 import numpy as np
 
 from raytrace.accel.lanes import peek, poke
 from raytrace.jit import inlined
+from raytrace.records import Work
 
 ROOT = np.int32(0)
 NOTHING = np.int32(-(2**31))  # no child
 
 
 @inlined
-def push(work, base, top, t, child, lanes):
-    """Put a child on the stack, which above ``base`` is sorted with the nearest on top."""
+def push(work: Work, base: int, top: int, t, child: int, lanes: int):
+    """Push a child with its distance and the bits of the lanes that enter it; return the new height.
+
+    The stack is kept sorted above ``base``, with the nearest child on top.
+    """
     k = top
     while k > base and peek(work.t, k - 1) < t:
         poke(work.t, k, peek(work.t, k - 1))
@@ -25,8 +29,8 @@ def push(work, base, top, t, child, lanes):
 
 
 @inlined
-def pop(work, base, top, tmax):
-    """The nearest child on the stack above ``base`` that is not behind tmax, or NOTHING; the height of the stack."""
+def pop(work: Work, base: int, top: int, tmax):
+    """Nearest child on the stack above ``base`` that is not beyond tmax, or NOTHING; and the new height."""
     while top > base:
         top -= 1
         if peek(work.t, top) <= tmax:

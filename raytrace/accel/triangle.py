@@ -1,4 +1,4 @@
-"""Rays against triangles: the watertight test, and the course's Moller-Trumbore to compare with."""
+"""Rays against triangles: the watertight test, and the Moller-Trumbore test of the course for comparison."""
 
 from typing import NamedTuple
 
@@ -8,14 +8,14 @@ from raytrace.accel.lanes import absolute, bits, fma, maximum, minimum, select
 from raytrace.jit import inlined, specialised
 from raytrace.records import MollerTrumboreLeaves, WatertightLeaves
 
-GRAZING = 0.125  # slope of a plane to the ray below which rounding carries a hit past the triangle's rim
-MIN_DETERMINANT = 1e-5  # Moller-Trumbore only: the course's absolute threshold, in user units
+GRAZING = 0.125  # slope of a plane to the ray below which rounding can move a hit past the edge of the triangle
+MIN_DETERMINANT = 1e-5  # Moller-Trumbore only: the absolute threshold of the course, in user units
 
 
-class Frame(NamedTuple):
-    """Rays in axes of their own, the dominant one last; lanes, or scalars for one ray.
+class RayFrame(NamedTuple):
+    """Rays in permuted axes, with the dominant one last; lanes, or scalars for one ray.
 
-    With (x, y, z) so permuted, the shear x' = x + sx z, y' = y + sy z turns the ray into the z axis.
+    In these axes the shear x' = x + sx z, y' = y + sy z makes the ray parallel to the z axis.
     """
 
     ox: float
@@ -26,36 +26,54 @@ class Frame(NamedTuple):
     dz: float
     sx: float  # -dx / dz
     sy: float  # -dy / dz
-    scale: float  # d is scaled to a largest component in [1, 2): this times d is the user's direction
+    scale: float  # a power of two: d is the user's direction divided by it
+
+
+class Triangle(NamedTuple):
+    """Vertices and unit normal, in the axes of the rays: numbers for one triangle, lanes for the eight of a leaf."""
+
+    v0: tuple  # x, y, z
+    v1: tuple
+    v2: tuple
+    n: tuple
+
+
+class Crossing(NamedTuple):
+    """Where rays and triangles meet; t, u, v are meaningless where the mask is False."""
+
+    inside: bool  # a mask
+    t: float
+    u: float
+    v: float
 
 
 @inlined
 def edge(px, py, qx, qy):
-    """Twice the signed area of (origin, p, q). Rounding keeps order, so its sign is exact unless the products tie."""
+    """Twice the signed area of (origin, p, q). Rounding is monotonic, so its sign is exact unless the products tie."""
     return px * qy - py * qx
 
 
 @inlined
 def edge_tie(area, px, py, qx, qy):
-    """``area``, but where it is zero the difference of the products' rounding errors, which has the exact sign."""
+    """``area``; where it is zero, the difference of the rounding errors of the products, which has the exact sign."""
     return select(area == 0.0, fma(px, qy, -(px * qy)) - fma(py, qx, -(py * qx)), area)
 
 
 @inlined
 def same_side(u, v, w):
-    """None of three areas lies on the other side of zero than the others."""
+    """Mask where no two of three areas have opposite signs."""
     return (minimum(minimum(u, v), w) >= 0.0) | (maximum(maximum(u, v), w) <= 0.0)
 
 
 @inlined
 def normal_part(n, a):
-    """N . a without a rounding that is not relative to its own terms."""
+    """Scalar product n . a, in which each rounding error is relative to the terms that were added."""
     return fma(n[0], a[0], fma(n[1], a[1], n[2] * a[2]))
 
 
 @inlined
 def chord_end(z0, m0, z1, m1, low, high):
-    """Widen [low, high] by z where an edge crosses the plane of ray and normal; m: distances of its ends from that."""
+    """Widen [low, high] by the z where an edge crosses the plane of ray and normal; m: distances of its ends to it."""
     crosses = ((m0 <= 0.0) & (m1 >= 0.0)) | ((m0 >= 0.0) & (m1 <= 0.0))
     z = fma(m0 / (m0 - m1), z1 - z0, z0)
     z = maximum(minimum(z, maximum(z0, z1)), minimum(z0, z1))
@@ -63,14 +81,16 @@ def chord_end(z0, m0, z1, m1, low, high):
 
 
 @inlined
-def watertight(frame, v0, v1, v2, n):
-    """Mask, t, u, v of rays and triangles; t, u, v are meaningless where the mask is False.
+def watertight(frame: RayFrame, triangle: Triangle) -> Crossing:
+    """Watertight test of rays and triangles.
 
-    Inclusion after Woop, Benthin and Wald 2013: neighbours see the same sheared vertices, and so agree exactly about
-    their shared edge. Distance from the plane, for the weights alone are too rough in slivers: every vertex lies at the
-    same height n . (v - o) over the origin, so z = height / (n . d / d_z). The vertex nearest to the hit counts most,
-    and z is kept within the triangle's own range; where the ray grazes the plane, within the chord below the ray.
+    Inclusion after Woop, Benthin and Wald 2013: neighbouring triangles use the same sheared vertices, and so agree
+    exactly about their shared edge. The distance comes from the plane, because the barycentric weights alone are too
+    inaccurate in slivers: every vertex has the same height n . (v - o) over the origin, so z = height / (n . d / d_z).
+    The vertex nearest to the hit has the largest weight. z is clamped to the range of the triangle's vertices; where
+    the ray grazes the plane, to the chord of the triangle below the ray.
     """
+    v0, v1, v2, n = triangle
     a = v0[0] - frame.ox, v0[1] - frame.oy, v0[2] - frame.oz
     b = v1[0] - frame.ox, v1[1] - frame.oy, v1[2] - frame.oz
     c = v2[0] - frame.ox, v2[1] - frame.oy, v2[2] - frame.oz
@@ -82,14 +102,14 @@ def watertight(frame, v0, v1, v2, n):
     w = edge(bx, by, ax, ay)
     inside = same_side(u, v, w)
     if bits(inside) == 0:
-        return inside, u, v, w
+        return Crossing(inside, u, v, w)
     if bits(inside & ((u == 0.0) | (v == 0.0) | (w == 0.0))) != 0:
         u = edge_tie(u, cx, cy, bx, by)
         v = edge_tie(v, ax, ay, cx, cy)
         w = edge_tie(w, bx, by, ax, ay)
         inside = same_side(u, v, w)
     scale = 1.0 / (u + v + w)
-    inside = inside & (absolute(scale) < np.inf)  # inf: the ray all but lies in the plane; NaN: a miss
+    inside = inside & (absolute(scale) < np.inf)  # inf: the ray lies in the plane, to rounding; NaN: a miss
     u = u * scale
     v = v * scale
     w = w * scale
@@ -106,12 +126,13 @@ def watertight(frame, v0, v1, v2, n):
         first, last = chord_end(c[2], r, a[2], p, first, last)
         grazing = grazing & (first <= last)
         low, high = select(grazing, first, low), select(grazing, last, high)
-    return inside, maximum(minimum(z, high), low) / frame.dz, v, w
+    return Crossing(inside, maximum(minimum(z, high), low) / frame.dz, v, w)
 
 
 @inlined
-def moller_trumbore(frame, v0, v1, v2, n):
-    """Mask, t, u, v of Moller and Trumbore 1997, with the course's threshold: small or grazed triangles vanish."""
+def moller_trumbore(frame: RayFrame, triangle: Triangle) -> Crossing:
+    """Test of Moller and Trumbore 1997 with the threshold of the course: small or grazed triangles are missed."""
+    v0, v1, v2, _ = triangle
     e1x, e1y, e1z = v1[0] - v0[0], v1[1] - v0[1], v1[2] - v0[2]
     e2x, e2y, e2z = v2[0] - v0[0], v2[1] - v0[1], v2[2] - v0[2]
     px = frame.dy * e2z - frame.dz * e2y
@@ -126,16 +147,16 @@ def moller_trumbore(frame, v0, v1, v2, n):
     qz = sx * e1y - sy * e1x
     v = (frame.dx * qx + frame.dy * qy + frame.dz * qz) * scale
     inside = (absolute(det) * frame.scale >= MIN_DETERMINANT) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
-    return inside, (e2x * qx + e2y * qy + e2z * qz) * scale, u, v
+    return Crossing(inside, (e2x * qx + e2y * qy + e2z * qz) * scale, u, v)
 
 
-def intersect(leaves, frame, triangle):
-    """The test that the kind of leaves stands for; a triangle is v0, v1, v2 and unit normal."""
+def intersect(leaves, frame: RayFrame, triangle: Triangle) -> Crossing:
+    """Test rays and triangles, by the test that belongs to the type of the leaves."""
     test = watertight if isinstance(leaves, WatertightLeaves) else moller_trumbore
-    return test(frame, triangle[0], triangle[1], triangle[2], triangle[3])
+    return test(frame, triangle)
 
 
 @specialised(intersect)
 def _intersect(leaves, frame, triangle):
     test = {WatertightLeaves: watertight, MollerTrumboreLeaves: moller_trumbore}[leaves.instance_class]
-    return lambda leaves, frame, triangle: test(frame, triangle[0], triangle[1], triangle[2], triangle[3])
+    return lambda leaves, frame, triangle: test(frame, triangle)

@@ -1,4 +1,4 @@
-"""What a tree is like, in numbers, and whether it keeps its promises."""
+"""Statistics of a tree, and its validation."""
 
 from typing import NamedTuple
 
@@ -9,17 +9,17 @@ from raytrace.accel.lanes import NODE
 from raytrace.accel.layout import boxes_of, children_of, corners_of, triangles_of
 from raytrace.records import Nodes, Tree
 
-NODE_COST = 1.0  # of the SAH: visiting a node of eight boxes, in tests of a leaf of eight triangles
+NODE_COST = 1.0  # SAH cost of a visit of a node of eight boxes, in units of the test of a leaf of eight triangles
 
 
 class TreeStats(NamedTuple):
-    """Numbers of a tree."""
+    """Statistics of a tree."""
 
     triangles: int  # that have an area
     nodes: int
     leaves: int
     levels: int  # of nodes, the root included
-    fill: float  # triangles a leaf / 8
+    fill: float  # triangles per leaf / 8
     sah_cost: float  # expected nodes and leaves that a random ray through the root's box meets [Wald2007]
     bytes_per_triangle: float  # of nodes and leaves
 
@@ -31,7 +31,10 @@ def _boxes(nodes: Nodes) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
 
 
 def tree_stats(tree: Tree, levels: int) -> TreeStats:
-    """Count, and weigh by the surface area heuristic: sum of area(child) / area(root) times the cost of the child."""
+    """Compute the statistics of a tree.
+
+    The SAH cost is the sum over all children of area(child) / area(root) times the cost of the child.
+    """
     low, high = _boxes(tree.nodes)
     child = children_of(tree.nodes)
     used = child != 0
@@ -49,29 +52,29 @@ def tree_stats(tree: Tree, levels: int) -> TreeStats:
 
 
 def tree_problems(tree: Tree, triangles: NDArray[np.floating]) -> list[str]:
-    """What is wrong with a tree, a line each; ``triangles`` are the (m, 12) rows that it was built from."""
+    """List what is wrong with a tree, one line each; ``triangles`` are the (m, 12) rows that it was built from."""
     child = children_of(tree.nodes)
     prim_id = triangles_of(tree.leaves)
     problems = _link_problems(child, len(prim_id)) + _leaf_problems(prim_id, triangles)
-    return problems or _box_problems(tree, triangles)  # boxes can be followed only where links are right
+    return problems or _box_problems(tree, triangles)  # boxes can be checked only where links are right
 
 
 def _link_problems(child: NDArray[np.int32], leaf_count: int) -> list[str]:
-    """Every node but the root, and every leaf, is the child of one node; children fill the slots from the first on."""
+    """Check that each leaf, and each node but the root, is the child of one node, and that empty slots come last."""
     problems = []
     if ((child[:, 1:] != 0) & (child[:, :-1] == 0)).any():
         problems.append("a node has an empty slot before a child")
     inner, leaf = child[child > 0], ~child[child < 0]
-    for name, found, wanted in (("node", inner, np.arange(1, len(child))), ("leaf", leaf, np.arange(leaf_count))):
+    for name, found, expected in (("node", inner, np.arange(1, len(child))), ("leaf", leaf, np.arange(leaf_count))):
         if leaf_count == 1 and not len(leaf) and name == "leaf":
             continue  # of a mesh without triangles
-        if not np.array_equal(np.sort(found), wanted):
+        if not np.array_equal(np.sort(found), expected):
             problems.append(f"not every {name} is the child of exactly one node")
     return problems
 
 
 def _leaf_problems(prim_id: NDArray[np.int32], triangles: NDArray[np.floating]) -> list[str]:
-    """Every triangle with an area lies in one leaf; triangles fill the lanes from the first on."""
+    """Check that every triangle with an area lies in one leaf, and that empty lanes come last."""
     problems = []
     if ((prim_id[:, 1:] >= 0) & (prim_id[:, :-1] < 0)).any():
         problems.append("a leaf has an empty lane before a triangle")
@@ -81,7 +84,7 @@ def _leaf_problems(prim_id: NDArray[np.int32], triangles: NDArray[np.floating]) 
 
 
 def _box_problems(tree: Tree, triangles: NDArray[np.floating]) -> list[str]:
-    """Every box holds what is below it; lanes hold the vertices of their triangles."""
+    """Check that every box contains what is below it, and that lanes hold the vertices of their triangles."""
     low, high = _boxes(tree.nodes)
     child, prim_id = children_of(tree.nodes), triangles_of(tree.leaves)
     rows = corners_of(tree.leaves).transpose(0, 2, 1)

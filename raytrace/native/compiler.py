@@ -1,11 +1,11 @@
-"""From a kernel to object code. Numba is imported here and in what this imports, and only where there is no code yet.
+"""Compile a kernel to object code. Only this module and those that it imports use Numba, and only if code is missing.
 
 Every kernel is compiled with
 
 * ``error_model="numpy"``: 1 / 0 is inf, as the slab test expects, and not an exception that stops vectorisation;
-* no reference counts (``_nrt``): kernels allocate nothing, they are handed their scratch memory; counting cost the
-  traversal three quarters of its time, and would tie the code to Numba's runtime;
-* no ``fastmath``: a miss is inf, NaN means miss, and the watertight edge functions may not be rearranged.
+* no reference counts (``_nrt``): kernels allocate nothing, their callers give them scratch memory. Counting took three
+  quarters of the time of the traversal, and would make the code depend on Numba's runtime;
+* no ``fastmath``: a miss is inf, NaN means a miss, and the watertight edge functions must not be rearranged.
 """
 
 import gc
@@ -21,7 +21,7 @@ from numba.core.registry import cpu_target
 from numba.extending import overload
 
 from raytrace import jit
-from raytrace.accel import lanes_jit  # noqa: F401  (teaches Numba the SIMD lanes)
+from raytrace.accel import lanes_jit  # noqa: F401  (registers the SIMD lanes with Numba)
 from raytrace.native import processor
 from raytrace.native.entry import Entry, check_layout, numba_type
 from raytrace.native.fallback import Unavailable
@@ -31,12 +31,12 @@ from raytrace.native.symbols import stand_in, unknown
 
 OPTIONS = {"error_model": "numpy", "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 if processor.narrowed():
-    numba.config.CPU_FEATURES = processor.cpu_features()  # Numba reads it when it compiles something for the first time
+    numba.config.CPU_FEATURES = processor.cpu_features()  # Numba reads it at its first compilation
 _callees: dict[Callable[..., Any], Dispatcher] = {}  # Numba itself only keeps weak references
 
 
 class _KernelCompiler(_FunctionCompiler):
-    """Leaves the code of a kernel as it is before LLVM optimises it, so that its entry can be put beside it."""
+    """Compiles a kernel without optimising its code, so that its entry can be added to it first."""
 
     def _customize_flags(self, flags: Any) -> Any:
         flags.no_compile = True
@@ -44,7 +44,7 @@ class _KernelCompiler(_FunctionCompiler):
 
 
 def _callee(function: Callable[..., Any], options: dict[str, bool]) -> Dispatcher:
-    """Compile a callee for the types of its arguments, and not once more for each constant that it is called with."""
+    """Compile a callee once for the types of its arguments, and not again for each constant argument."""
     compiled = numba.njit(**OPTIONS, **options)(function)
     template = compiled.get_call_template
     compiled.get_call_template = lambda args, kws: template([types.unliteral(arg) for arg in args], kws)
@@ -52,12 +52,12 @@ def _callee(function: Callable[..., Any], options: dict[str, bool]) -> Dispatche
 
 
 def teach() -> None:
-    """Tell Numba about all callees that were declared since the last time."""
+    """Register with Numba all callees that were declared since the last call."""
     while jit.callees:
         function, options = jit.callees[0]
         _callees[function] = _callee(function, options)
         cpu_target.typing_context.insert_global(function, types.Dispatcher(_callees[function]))
-        jit.callees.pop(0)  # now that it is known
+        jit.callees.pop(0)  # only after it is registered
     while jit.forms:
         function, choose = jit.forms[0]
         overload(function, inline="always")(choose)
@@ -66,7 +66,7 @@ def teach() -> None:
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Without Python's garbage collector, which takes a sixth of the time of compiling and finds nothing."""
+    """Pause Python's garbage collector, which takes a sixth of the compile time and finds nothing."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -78,7 +78,7 @@ def _uncollected() -> Iterator[None]:
 
 @contextmanager
 def checked() -> Iterator[list[str]]:
-    """Look at machine code before Numba links it; give the names that it calls and this process lacks."""
+    """Check machine code before Numba links it; yield the names that it calls and this process lacks."""
     jit_engine = cpu_target.target_context.codegen()._engine
     engine, lacking = jit_engine._ee, []
     notify = engine._object_cache_notify
@@ -103,9 +103,9 @@ def compile_kernel(function: Callable[..., Any], kinds: tuple[Kind, ...]) -> Cod
     Raises
     ------
     NotImplementedError
-        It calls what only Numba's runtime has, so that no process without it could run it.
+        It calls functions of Numba's runtime, so it could not run in a process without Numba.
     Unavailable
-        It calls what LLVM can't find in this process.
+        It calls a function that LLVM cannot find in this process.
     """
     check_layout()
     with _uncollected(), checked() as lacking:

@@ -1,9 +1,9 @@
-"""The entry of a kernel's machine code: from Python's objects to native values and back, as a C extension does it.
+"""The entry of a kernel's machine code: it converts Python objects to native values and back, like a C extension.
 
-It is a function of Python's C interface, so a call costs a tenth of a microsecond and a little for each array. Its
-``self`` is a tuple: what it may have to return or to call, then the type of each object, in the order in which they are
-met. Objects of any other kind are declined before anything is done: NotImplemented is returned, and the caller looks
-for other machine code.
+It is a function of Python's C interface, so a call takes a tenth of a microsecond plus a little for each array. Its
+``self`` is a tuple: two objects to return and a function to call, then the expected type of each object, in the order
+in which they are read. For objects of any other kind the entry returns NotImplemented before it does anything, and the
+caller tries other machine code.
 """
 
 import ctypes
@@ -17,11 +17,11 @@ from numba.np.arrayobj import populate_array
 
 from raytrace.native.signatures import Array, Kind, Record
 
-NOT_IMPLEMENTED, NONE, RAISE, FIRST = range(4)  # places in ``self``: two objects, a function, the first type
+NOT_IMPLEMENTED, NONE, RAISE, FIRST = range(4)  # indices in ``self``: two objects, a function, the first type
 POINTER, BYTE, I32, I64 = ir.PointerType(), ir.IntType(8), ir.IntType(32), ir.IntType(64)
 
-# Where things stand in memory. Objects begin with a header, which ends with their type; in an array come next its data,
-# number of axes, dimensions, strides, base, dtype and flags; in a dtype the type of its scalars, four letters and its
+# Offsets in memory. Objects begin with a header, which ends with their type. In an array the next fields are: data,
+# number of axes, dimensions, strides, base, dtype, flags. In a dtype they are: type of the scalars, four letters, type
 # number   [numpy/ndarraytypes.h: PyArrayObject_fields, PyArray_Descr: every compiled extension relies on them].
 HEAD = object.__basicsize__
 TYPE, DATA, NDIM, SHAPE, STRIDES, DTYPE, FLAGS = (HEAD + place for place in (-8, 0, 8, 16, 24, 40, 48))
@@ -31,12 +31,12 @@ LAYOUTS = {"C": C_CONTIGUOUS, "F": F_CONTIGUOUS, "A": 0}
 
 
 def check_layout() -> None:
-    """Check on an array that NumPy lays it out as machine code will read it.
+    """Check on an array that NumPy uses the memory layout that the machine code reads.
 
     Raises
     ------
     RuntimeError
-        It does not; then no kernel may be called.
+        It does not, so no kernel may be called.
     """
     array = np.zeros((2, 3), np.float32)
 
@@ -50,11 +50,11 @@ def check_layout() -> None:
     found += [read(array, FLAGS, integer) & (C_CONTIGUOUS | F_CONTIGUOUS | ALIGNED | WRITEABLE)]
     expected = [id(np.ndarray), array.ctypes.data, 2, id(array.dtype), 3, 4, b"=", array.dtype.num]
     if found != [*expected, C_CONTIGUOUS | ALIGNED | WRITEABLE]:
-        raise RuntimeError(f"this NumPy lays arrays out in another way: {found}")
+        raise RuntimeError(f"this version of NumPy uses another memory layout of arrays: {found}")
 
 
 class Entry:
-    """Writes the entry of one kernel.
+    """Writer of the entry of one kernel.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class Entry:
         self._met = FIRST
 
     def write(self, fndesc: Any, kinds: tuple[Kind, ...]) -> None:
-        """Take in arguments of these kinds, let go of the interpreter's lock, call the kernel, give back its result."""
+        """Write code that converts arguments of these kinds, releases the GIL, calls the kernel, returns its result."""
         builder, call = self._builder, self._context.call_conv
         _, objects, count = self._function.args
         self._require(builder.icmp_signed("==", count, I64(len(kinds))))
@@ -96,25 +96,25 @@ class Entry:
         return self._builder.load(address, typ=kind)
 
     def _require(self, true: ir.Value) -> None:
-        """Decline where this does not hold."""
+        """Write code that declines the call unless a condition holds."""
         met = self._function.append_basic_block("met")
         self._builder.cbranch(true, met, self._declined)
         self._builder.position_at_end(met)
 
     def _expect_type(self, obj: ir.Value) -> None:
-        """Decline an object whose type is not the next one in ``self``."""
+        """Write code that declines an object whose type is not the next one in ``self``."""
         expected = self._api.tuple_getitem(self._function.args[0], self._met)
         self._met += 1
         self._require(self._builder.icmp_unsigned("==", self._read(obj, TYPE, POINTER), expected))
 
     def _known(self, place: int) -> ir.Value:
-        """A new reference to an object in ``self``."""
+        """Return a new reference to an object in ``self``."""
         known = self._api.tuple_getitem(self._function.args[0], place)
         self._api.incref(known)
         return known
 
     def _unbox(self, obj: ir.Value, kind: Kind) -> ir.Value:
-        """Native value of an object of that kind."""
+        """Return the native value of an object of that kind."""
         self._expect_type(obj)
         if kind is None:
             return self._context.get_dummy_value()
@@ -153,7 +153,7 @@ class Entry:
         return array._getvalue()
 
     def _raise(self, status: Any) -> None:
-        """Have the function of ``self`` raise Numba's pickled exception."""
+        """Call the function in ``self`` that raises Numba's pickled exception."""
         what = self._builder.load(status.excinfoptr)
         data, size = (self._builder.extract_value(what, k) for k in range(2))
         pickled = self._api.bytes_from_string_and_size(data, self._builder.zext(size, I64))
@@ -163,7 +163,7 @@ class Entry:
         self._builder.ret(result)
 
     def _box(self, value: ir.Value, kind: types.Type) -> ir.Value:
-        """A new object for a kernel's result."""
+        """Return a new Python object for the result of a kernel."""
         if isinstance(kind, types.NoneType):
             return self._known(NONE)
         if isinstance(kind, types.BaseTuple):
@@ -172,19 +172,19 @@ class Entry:
                 self._api.tuple_setitem(made, k, self._box(item, kind[k]))
             return made
         if not isinstance(kind, types.Integer):
-            raise NotImplementedError(f"a kernel returns whole numbers, tuples of them, or None, not {kind}")
+            raise NotImplementedError(f"a kernel may return integers, tuples of integers, or None, not {kind}")
         if kind.signed:
             return self._api.long_from_longlong(self._builder.sext(value, I64))
         return self._api.long_from_ulonglong(self._builder.zext(value, I64))
 
 
 def numbers_of(dtype: str) -> list[int]:
-    """NumPy's numbers of a type: two C types can be alike (intc and long on Windows, long and longlong on Linux)."""
+    """NumPy's type numbers of a dtype: two C types can be the same (intc, long on Windows; long, longlong on Linux)."""
     return sorted({np.dtype(letter).num for letter in "?bhilqBHILQefdg" if np.dtype(letter).name == dtype})
 
 
 def numba_type(kind: Kind) -> types.Type:
-    """What Numba calls a kind of argument."""
+    """Numba's type of a kind of argument."""
     if isinstance(kind, Record):
         return types.BaseTuple.from_types(tuple(map(numba_type, kind.fields)), kind.type)
     if isinstance(kind, Array):

@@ -1,8 +1,8 @@
-"""What happens where a private part of Numba or llvmlite is missing or works otherwise: the one place that decides.
+"""Fallback where a private part of Numba or llvmlite is missing or has changed: all decisions are made here.
 
-Kernels are compiled and linked by parts of both that may change in any release. Whatever Python raises where such a
-part is used becomes ``Unavailable``; the kernel is then compiled by plain ``numba.njit`` in every process, for the same
-results, and one warning says so.
+Kernels are compiled and linked with private parts of both, which may change in any release. An exception of such a
+part becomes ``Unavailable``. The kernel is then compiled by plain ``numba.njit`` in every process, with bit-identical
+results, and one warning is given.
 """
 
 import warnings
@@ -15,7 +15,7 @@ _warned: list[str] = []
 
 
 class Unavailable(Exception):
-    """Machine code can't be made, or can't be linked, by the parts of Numba and llvmlite that are installed."""
+    """The installed Numba and llvmlite cannot compile or link machine code in the usual way."""
 
 
 @contextmanager
@@ -23,18 +23,18 @@ def private_parts() -> Iterator[None]:
     """Run a block that uses private parts of Numba and llvmlite; raise `Unavailable` where one is missing."""
     try:
         yield
-    except NotImplementedError:  # what kernels may not do is refused
+    except NotImplementedError:  # the kernel does what no kernel may do
         raise
     except MISSING as error:
         raise Unavailable(f"{type(error).__name__}: {error}") from error
 
 
 def plain(function: Callable[..., Any], kinds: tuple[Any, ...], args: tuple[Any, ...], why: Unavailable) -> Any:
-    """Return the entry of a kernel compiled by ``numba.njit``, for arguments of these kinds only; warn once."""
+    """Return the entry of a kernel that ``numba.njit`` compiles, for arguments of these kinds only; warn once."""
     from raytrace.native.plain import compile_plain
     from raytrace.native.signatures import kind_of
 
-    compiled = compile_plain(function, args)  # raises what is wrong with the kernel or its arguments, if that is it
+    compiled = compile_plain(function, args)  # raises an error if the kernel or its arguments are wrong
     if not _warned:
         _warned.append(str(why))
         warnings.warn(

@@ -1,4 +1,4 @@
-"""From object code to a function that Python calls, by LLVM's linker alone."""
+"""Link object code into this process, and make a Python function of it: with LLVM, without Numba."""
 
 import ctypes
 import pickle
@@ -17,17 +17,17 @@ METH_FASTCALL = 0x80  # Python's calling convention: self, array of arguments, t
 class Code(NamedTuple):
     """Object code of a kernel for arguments of certain kinds."""
 
-    outside: tuple[str, ...]  # functions of Python's that it calls
+    outside: tuple[str, ...]  # names of the functions of Python that it calls
     data: bytes  # an object file of this machine
 
     @property
     def foreign(self) -> list[str]:
-        """Functions that Python does not have: LLVM would end the process that links a call of one."""
+        """Functions that Python does not have: LLVM would end the process if it linked a call of one."""
         return [name for name in self.outside if not hasattr(ctypes.pythonapi, name)]
 
 
 def _raise(pickled: bytes) -> NoReturn:
-    """Raise what a kernel raised, as Numba describes it: exception class, arguments, place."""
+    """Raise the exception of a kernel from Numba's description: class, arguments, place."""
     error, arguments, _ = pickle.loads(pickled)
     raise error(*arguments)
 
@@ -44,7 +44,7 @@ _kept: list[Any] = []  # machine code stays loaded as long as the process lives
 
 
 def _engine() -> llvm.ExecutionEngine:
-    """An empty linker, for code as Numba asks LLVM to make it."""
+    """Return an empty linker for the kind of code that Numba makes."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     machine = llvm.Target.from_default_triple().create_target_machine(codemodel="jitdefault", jit=True)
@@ -52,17 +52,17 @@ def _engine() -> llvm.ExecutionEngine:
 
 
 def link(code: Code) -> int:
-    """Address of the entry of object code, linked into this process.
+    """Link object code into this process; return the address of its entry.
 
     Raises
     ------
     Unavailable
-        It calls what this process lacks, or is no object file.
+        It calls functions that this process lacks, or it is not an object file.
 
     Notes
     -----
-    Each piece of code has a linker of its own, which takes a millisecond: a shared one would take a fifth of that, but
-    bind calls across pieces where two have a function of the same name.
+    Each piece of code has its own linker, which takes a millisecond. A shared linker would take a fifth of that, but
+    where two pieces have a function of the same name, it would link calls to the wrong one.
     """
     try:
         lacking = unknown(code.data)
@@ -78,7 +78,7 @@ def link(code: Code) -> int:
 
 
 def bind(name: str, address: int, types: Iterable[type]) -> Callable[..., Any]:
-    """The function that machine code is to Python, for objects of these types; others are told NotImplemented."""
+    """Return a Python function of machine code; it returns NotImplemented unless its arguments have these types."""
     method = _Method(name.encode(), address, METH_FASTCALL, None)
     _kept.append(method)
     return _new_function(ctypes.byref(method), (NotImplemented, None, _raise, *types))

@@ -1,4 +1,4 @@
-"""Where the user's kernels are kept: ``RAYTRACE_CACHE``, else the user's cache folder, else ``NUMBA_CACHE_DIR``."""
+"""Folder for compiled kernels: ``RAYTRACE_CACHE``, else the user's cache folder, else ``NUMBA_CACHE_DIR``."""
 
 import os
 from pathlib import Path
@@ -10,12 +10,12 @@ CURE = "set RAYTRACE_CACHE to a folder that can be written to"
 
 
 def find_root(name: str) -> Path:
-    """Return the folder in which the folder ``name`` of kernels lies or is to be made.
+    """Return the folder that contains the folder ``name`` of kernels, or in which it should be made.
 
     Raises
     ------
     FileError
-        There is none.
+        There is no such folder.
     """
     chosen = os.environ.get("RAYTRACE_CACHE")
     if chosen:
@@ -39,7 +39,7 @@ def _absolute(variable: str, value: str) -> Path:
 
 
 def _user_folder() -> Path | None:
-    """The user's cache folder for this package; None: there is no home folder."""
+    """Return the user's cache folder for this package; None if there is no home folder."""
     from platformdirs import user_cache_dir
 
     try:
@@ -50,7 +50,7 @@ def _user_folder() -> Path | None:
 
 
 def _problem(root: Path, name: str) -> str:
-    """Why the user's cache folder is of no use; "" if it holds kernels already or they can be kept there."""
+    """Return why the user's cache folder cannot be used; "" if it has kernels or they can be written there."""
     folder = root / name
     if os.access(folder, os.R_OK | os.X_OK) and not private_files.distrust(os.stat(folder)):
         return ""
@@ -60,6 +60,6 @@ def _problem(root: Path, name: str) -> str:
     if not os.access(existing, os.W_OK | os.X_OK):
         return f"no permission to write in {existing}"
     owner = os.stat(existing).st_uid
-    if private_files.POSIX and os.geteuid() == 0 != owner:  # what root makes there would lock its owner out
+    if private_files.POSIX and os.geteuid() == 0 != owner:  # files of root there would lock out the owner
         return f"this process runs as root, {existing} belongs to another user (uid {owner})"
     return ""

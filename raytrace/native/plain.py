@@ -1,4 +1,4 @@
-"""Kernels by the public part of Numba alone: nothing is kept, and arrays' references are counted."""
+"""Kernels compiled with the public part of Numba only: nothing is stored, and references to arrays are counted."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -9,14 +9,14 @@ import numpy as np
 from numba.extending import overload, register_jitable
 
 from raytrace import jit
-from raytrace.accel import lanes_jit  # noqa: F401  (teaches Numba the SIMD lanes)
+from raytrace.accel import lanes_jit  # noqa: F401  (registers the SIMD lanes with Numba)
 from raytrace.native.fallback import Unavailable, private_parts
 
 FLAGS: dict[str, Any] = {"error_model": "numpy"}  # as in `compiler`: 1 / 0 is inf; and no fastmath
 
 
 def _teach() -> None:
-    """Tell Numba about callees as `compiler` does if it can; the others are compiled with what calls them."""
+    """Register callees with Numba as `compiler` does, if possible; else compile them together with their callers."""
     try:
         with private_parts():
             from raytrace.native.compiler import teach
@@ -32,7 +32,7 @@ def _teach() -> None:
 
 
 def compile_plain(function: Callable[..., Any], args: tuple[Any, ...]) -> Callable[..., Any]:
-    """Return a kernel compiled for such arguments; interpreted, very slowly, where LLVM can't find what it calls."""
+    """Return a kernel compiled for such arguments, or an interpreted one if LLVM cannot find a function it calls."""
     _teach()
     compiled = numba.njit(nogil=True, **FLAGS)(function)
     with _checked() as lacking:
@@ -41,7 +41,7 @@ def compile_plain(function: Callable[..., Any], args: tuple[Any, ...]) -> Callab
 
 
 def _checked() -> AbstractContextManager[list[str]]:
-    """Look at machine code before it is linked, if that can be done."""
+    """Check machine code before it is linked, if possible."""
     try:
         with private_parts():
             from raytrace.native.compiler import checked

@@ -1,7 +1,8 @@
-"""Files that only their owner may write: what another user may have put there is never read.
+"""Files that only their owner may write: a file that another user may have written is never read.
 
-Files are opened without waiting (a FIFO would wait for a writer), and checked again once they are open, because a name
-may mean another file by then. Owners and modes are checked on POSIX only; elsewhere the user's folders are private.
+Files are opened without blocking (a FIFO would wait for a writer), and checked again once they are open, because the
+name may belong to another file by then. Owners and modes are checked on POSIX only; on other systems the user's folders
+are private.
 """
 
 import contextlib
@@ -13,7 +14,7 @@ from pathlib import Path
 
 FOLDER, FILE = 0o700, 0o600  # modes
 OTHERS = stat.S_IWGRP | stat.S_IWOTH
-PROBE = 1 << 20  # bytes: more than the code of a kernel
+PROBE = 1 << 20  # bytes: more than the code of any kernel
 READ = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
 POSIX, WINDOWS = hasattr(os, "geteuid"), os.name == "nt"
@@ -21,7 +22,7 @@ ATTEMPTS, PAUSE = 8, 0.02  # to replace a file on Windows: the pauses double, 2.
 
 
 class Untrusted(OSError):
-    """A file or folder that another user may have written; its text says which and why."""
+    """A file or folder that another user may have written; the message names it and the reason."""
 
     def __init__(self, path: Path, reason: str) -> None:
         self.path = path
@@ -50,19 +51,19 @@ def _check_regular(status: os.stat_result, path: Path) -> None:
 
 
 def read(path: Path) -> bytes:
-    """Return the content of a regular file that nobody else may have written.
+    """Return the content of a regular file that no other user may have written.
 
     Raises
     ------
     Untrusted
         The file or its folder belongs to another user, or others may write it.
     OSError
-        It can't be read.
+        It cannot be read.
     """
     with contextlib.ExitStack() as stack:
         folder: int | None = None
         name: Path | str = path
-        if POSIX:  # the file is looked up in the folder that was checked
+        if POSIX:  # opens the file in the folder that was checked
             folder = os.open(path.parent, READ | os.O_DIRECTORY)
             stack.callback(os.close, folder)
             _check(os.fstat(folder), path.parent)
@@ -76,7 +77,7 @@ def read(path: Path) -> bytes:
 
 
 def make_folder(folder: Path) -> bool:
-    """Make a folder and those above it, for this user alone whatever the umask; return whether it was missing."""
+    """Make a folder and its parents, for this user only, whatever the umask; return whether it was missing."""
     missing = []
     for each in (folder, *folder.parents):
         if os.path.isdir(each):
@@ -98,7 +99,7 @@ def write(path: Path, content: bytes) -> None:
     Untrusted
         The folder belongs to another user, or others may write it.
     OSError
-        It can't be written.
+        It cannot be written.
     """
     _check(os.stat(path.parent), path.parent)
     temporary = path.with_name(f".{os.urandom(8).hex()}.tmp")
@@ -107,7 +108,7 @@ def write(path: Path, content: bytes) -> None:
             stream.write(content)
         if POSIX:
             os.chmod(temporary, FILE)
-        replace(temporary, path)  # others see the old file or the new one, never a part
+        replace(temporary, path)  # other processes see the old file or the new one, never a part
     except BaseException:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
@@ -115,7 +116,7 @@ def write(path: Path, content: bytes) -> None:
 
 
 def replace(source: Path, target: Path) -> None:
-    """Rename a file onto another one; on Windows again and again for a while: a virus scanner may hold either."""
+    """Rename a file onto another one; on Windows retry for a while, because a virus scanner may have either open."""
     for attempt in range(ATTEMPTS):
         try:
             return os.replace(source, target)
@@ -127,12 +128,12 @@ def replace(source: Path, target: Path) -> None:
 
 
 def nearest(folder: Path) -> Path:
-    """Return the folder, or what exists above it."""
+    """Return the folder, or its nearest parent that exists."""
     return next((each for each in (folder, *folder.parents) if os.path.exists(each)), folder)
 
 
 def probe(folder: Path) -> str:
-    """Return why no file of a kernel's size can be written in a folder or where it would be made; "" if one can."""
+    """Return why a file of a kernel's size cannot be written in a folder, or in its nearest parent; "" if it can."""
     name = nearest(folder) / f".{os.urandom(8).hex()}.tmp"
     try:
         with contextlib.suppress(FileNotFoundError):

@@ -3,7 +3,7 @@
 It is the processor of this machine, unless environment variables say otherwise. ``NUMBA_CPU_NAME`` and
 ``NUMBA_CPU_FEATURES`` mean what they mean for Numba. ``RAYTRACE_LANES`` (128, 256 or 512) is the number of bits of a
 vector register. It may be less than the processor has. Features that need wider registers are then switched off, so
-the machine code is that of a processor without them. The results have the same bits.
+the machine code is that of a processor without them. The results are bit-identical.
 """
 
 import os
@@ -16,7 +16,7 @@ from raytrace.errors import OptionError, printable, shortened
 VARIABLE = "RAYTRACE_LANES"
 NARROWEST = 128  # bits: SSE, NEON
 WIDER = ((512, "avx512f"), (256, "avx2"))  # bits, and the feature of LLVM that stands for registers of so many
-# What LLVM has to leave out for registers of so many bits, with all that is built on it: AVX brings AVX2 and FMA.
+# Feature that LLVM must switch off for registers of so many bits, with all that need it: AVX2 and FMA need AVX.
 LEFT_OUT = {256: "-avx512f", 128: "-avx"}
 
 
@@ -31,7 +31,7 @@ def _without_avx() -> bool:
 
 
 def _given_features() -> str:
-    """Features as Numba takes them, before any is left out."""
+    """Features that Numba would use, before any is switched off."""
     given = os.environ.get("NUMBA_CPU_FEATURES")
     if given is not None:
         return given
@@ -39,13 +39,13 @@ def _given_features() -> str:
         return ""
     try:
         features = llvm.get_host_cpu_features().flatten()
-    except RuntimeError:  # LLVM does not know them on this system
+    except RuntimeError:  # LLVM cannot detect them on this system
         return ""
     return features.replace("+avx", "-avx") if _without_avx() else features
 
 
 def width_of(features: str) -> int:
-    """Bits of a vector register of a processor with these features; what is not named is taken as missing.
+    """Bits of a vector register of a processor with these features; a feature that is not named counts as missing.
 
     Examples
     --------
@@ -61,7 +61,7 @@ def width_of(features: str) -> int:
 
 
 def register_bits() -> int:
-    """Bits of one vector register, as kernels use it.
+    """Bits of one vector register that kernels use.
 
     Raises
     ------
@@ -81,11 +81,11 @@ def register_bits() -> int:
 
 
 def narrowed() -> bool:
-    """Whether registers are used as if they were narrower than they are."""
+    """Whether kernels use narrower registers than the processor has."""
     return register_bits() < width_of(_given_features())
 
 
 def cpu_features() -> str:
-    """Features in LLVM's notation, without those that need wider registers than are used."""
+    """Features in LLVM's notation, without those that need wider registers than kernels use."""
     features = _given_features()
     return f"{features},{LEFT_OUT[register_bits()]}" if narrowed() else features

@@ -1,7 +1,8 @@
-"""Kinds of arguments: what of a kernel's arguments chooses its machine code.
+"""Kinds of arguments (their signatures), which choose the machine code of a kernel.
 
-An array counts by its type, its number of axes and whether it may be written to; a record by its class and its fields;
-a number by its type. None is a kind of its own: what is left out is left out by the compiler.
+The kind of an array is its dtype, number of axes, memory layout and whether it is writable. The kind of a record is
+its class and the kinds of its fields; that of an integer is its type. None is a kind of its own, so the compiler
+removes the code for an argument that is None.
 """
 
 from collections.abc import Iterator
@@ -27,7 +28,7 @@ class Record(NamedTuple):
 
 
 class Scalar(NamedTuple):
-    """A whole number."""
+    """An integer."""
 
     dtype: str
 
@@ -36,12 +37,12 @@ Kind = Array | Record | Scalar | None
 
 
 def kind_of(value: Any) -> Kind:
-    """Kind of one argument.
+    """Return the kind of one argument.
 
     Raises
     ------
     TypeError
-        Kernels take NamedTuples, arrays of numbers, whole numbers and None.
+        It is not a NamedTuple, an array of numbers, an integer or None.
     """
     if value is None:
         return None
@@ -61,7 +62,7 @@ def kind_of(value: Any) -> Kind:
 
 
 def describe(kind: Kind) -> str:
-    """A kind as text, which differs for different kinds.
+    """Return a kind as text; different kinds have different texts.
 
     >>> describe(kind_of(np.zeros((2, 3))))
     'float64[2C]'
@@ -74,7 +75,7 @@ def describe(kind: Kind) -> str:
 
 
 def types_of(value: Any) -> Iterator[type]:
-    """Types of an argument and of the fields of a record, in the order in which machine code meets them."""
+    """Yield the types of an argument and of the fields of a record, in the order in which machine code reads them."""
     yield type(value)
     if isinstance(value, tuple):
         for field in value:

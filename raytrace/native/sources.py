@@ -1,4 +1,4 @@
-"""The sources of kernels, wherever the package was installed: in a folder, in a zip file, or in a frozen program."""
+"""Read the sources of kernels, from a folder, a zip file or a frozen program."""
 
 import sys
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from raytrace.errors import FileError
 
-MODULES, FOLDERS = ("jit", "records"), ("native", "accel", "passes")  # what the code of kernels is made from
+MODULES, FOLDERS = ("jit", "records"), ("native", "accel", "passes")  # the machine code of kernels depends on these
 
 
 def read(package: Path) -> Iterator[tuple[str, bytes]]:
@@ -16,7 +16,8 @@ def read(package: Path) -> Iterator[tuple[str, bytes]]:
     Raises
     ------
     FileError
-        They can't be read, as where only compiled modules are installed: nothing tells new machine code from old.
+        They cannot be read, for example where only compiled modules are installed; then old machine code of other
+        sources could not be recognised.
     """
     if (package / "jit.py").is_file():
         patterns = [f"{name}.py" for name in MODULES] + [f"{folder}/*.py" for folder in FOLDERS]
@@ -43,7 +44,7 @@ def _from_loaders() -> Iterator[tuple[str, bytes]]:
     else:
         if {name for name in sys.modules if name.startswith("raytrace.native.")} <= {*names}:
             return
-    raise FileError("their sources, which tell new machine code from old, can't be read (a frozen program?)")
+    raise FileError("their sources, which identify their machine code, cannot be read (a frozen program?)")
 
 
 def _source(name: str) -> str | None:

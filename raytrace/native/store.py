@@ -1,10 +1,9 @@
-"""Object code on disk: written by the process that compiled it, read by all later ones.
+"""Store of object code on disk: the process that compiles a kernel writes it, all later processes read it.
 
-A folder holds what was made from the same sources by the same versions on the same processor: its name is a hash of all
-that, so an edit of any kernel source, in whichever file, starts an empty one. A file holds the code of one kernel for
-arguments of certain kinds, after a checksum and a header that says what it is. A file that can't be read, is corrupt,
-or is of another kernel, another kind or another folder is ignored, and so is what another user may have written. Where
-nothing can be written, nothing is kept, and one line says so.
+A folder holds the code of one set of sources, versions and processor. Its name is a hash of all of them, so an edit of
+any kernel source starts an empty folder. A file holds the code of one kernel for arguments of certain kinds, after a
+checksum and a header with its title. A file is ignored if it cannot be read, is corrupt, has another title, or may have
+been written by another user. Where nothing can be written, nothing is kept, and one line says so.
 """
 
 import contextlib
@@ -30,7 +29,7 @@ PACKAGE = Path(__file__).parents[1]
 SUFFIX = ".kernel"
 HASH = re.compile("[0-9a-f]{16}")  # name of a folder
 DIGEST = 32  # bytes of a checksum
-FOLDERS, DAY = 8, 86400.0  # so many folders are left when one is made, and those used in so many seconds
+FOLDERS, DAY = 8, 86400.0  # number of folders that are kept, and seconds for which a used folder is kept in any case
 VARIABLES = (  # of Numba's, those that change the machine code of kernels   [numba/core/config.py]
     *("BOUNDSCHECK", "CPU_FEATURES", "CPU_NAME", "DEBUGINFO", "DISABLE_INTEL_SVML", "ENABLE_AVX", "ENABLE_PROFILING"),
     *("EXTEND_VARIABLE_LIFETIMES", "LLVM_REFPRUNE_FLAGS", "LLVM_REFPRUNE_PASS", "LOOP_VECTORIZE", "OPT"),
@@ -40,7 +39,7 @@ CONFIG = ".numba_config.yaml"  # in the current folder: may set them too
 
 
 def _version(package: str) -> bytes:
-    """What tells a package's version, without importing it, nor the slow `importlib.metadata` where that can be."""
+    """Bytes that identify the version of a package, without an import of it or of the slow `importlib.metadata`."""
     spec = find_spec(package)
     with contextlib.suppress(OSError):
         if spec and spec.origin:
@@ -51,7 +50,7 @@ def _version(package: str) -> bytes:
 
 
 def _ingredients() -> Iterator[bytes]:
-    """All that the code of kernels depends on."""
+    """Yield everything that the code of kernels depends on."""
     for name, content in sources.read(PACKAGE):
         yield name.encode()
         yield content
@@ -66,7 +65,7 @@ def _ingredients() -> Iterator[bytes]:
 
 
 def _key() -> str:
-    """Name of the folder: a hash of all that the code of kernels depends on."""
+    """Name of the folder: a hash of everything that the code of kernels depends on."""
     content = sha256()
     for part in _ingredients():
         content.update(sha256(part).digest())
@@ -80,30 +79,30 @@ def cache_folder() -> Path:
     Raises
     ------
     FileError
-        There is no place to keep them, or it is not known what they depend on.
+        There is no place for them, or their sources cannot be read.
     """
     name = _key()
     return location.find_root(name) / name
 
 
 def _title(kernel: str, kinds: str) -> str:
-    """What a file says that it holds."""
+    """Title in the header of a file."""
     return f"raytrace {cache_folder().name} {kernel}({kinds})"
 
 
 def path_of(kernel: str, kinds: str) -> Path:
-    """File of a kernel for arguments of these kinds."""
+    """Path of the file of a kernel for arguments of these kinds."""
     digest = sha256(_title(kernel, kinds).encode()).hexdigest()[:16]
     return cache_folder() / f"{kernel.rpartition('.')[2]}-{digest}{SUFFIX}"
 
 
 def find(kernel: str, kinds: str) -> Code | None:
-    """Look for the code of a kernel.
+    """Return the code of a kernel if the store has it.
 
     Parameters
     ----------
     kernel : str
-        Its name with its module's. Only those of this package are kept: when others change is not known.
+        Its name with the name of its module. Only kernels of this package are stored: changes of others go unnoticed.
     kinds : str
         Kinds of its arguments.
     """
@@ -111,7 +110,7 @@ def find(kernel: str, kinds: str) -> Code | None:
         touch()
         content = private_files.read(path_of(kernel, kinds))
     except private_files.Untrusted as error:
-        _say(f"{error}: it is compiled anew" if error.path.suffix == SUFFIX else _unkept(error))
+        _say(f"{error}: it is compiled again" if error.path.suffix == SUFFIX else _unkept(error))
         return None
     except OSError:
         return None
@@ -126,7 +125,7 @@ def find(kernel: str, kinds: str) -> Code | None:
 
 
 def keep(kernel: str, kinds: str, code: Code) -> bool:
-    """Write the code of a kernel, whole or not at all; return whether it was written, and say why it wasn't."""
+    """Write the code of a kernel, whole or not at all; return whether it was written, and log why not."""
     if not kernel.startswith("raytrace."):
         return False
     try:
@@ -141,7 +140,7 @@ def keep(kernel: str, kinds: str, code: Code) -> bool:
 
 
 def can_keep() -> bool:
-    """Whether kernels can be written; makes their folder."""
+    """Make the folder of kernels; return whether they can be written there."""
     try:
         folder = cache_folder()
         _make_folder(folder)
@@ -151,7 +150,7 @@ def can_keep() -> bool:
 
 
 def _unkept(error: OSError) -> str:
-    """What to say where kernels can't be kept."""
+    """Message for the case that kernels cannot be stored."""
     reason = str(error)
     if not isinstance(error, FileError):
         trusted = not isinstance(error, private_files.Untrusted)
@@ -161,7 +160,7 @@ def _unkept(error: OSError) -> str:
 
 @cache
 def _say(line: str) -> None:
-    """Show a line on stderr, once a process, or wherever the program sends its log."""
+    """Log a warning, once per process; by default it appears on stderr."""
     import logging
 
     logging.getLogger("raytrace").warning(line)
@@ -177,13 +176,13 @@ def _make_folder(folder: Path) -> None:
 
 @cache
 def touch() -> None:
-    """Mark the folder as in use, once a process."""
+    """Mark the folder as used now, once per process."""
     with contextlib.suppress(OSError):
         os.utime(cache_folder())
 
 
 def prune(newest: Path) -> None:
-    """Delete older folders, but for a few and those in use; nothing but what looks like one."""
+    """Delete older folders of kernels, except the newest few and those used within a day."""
     from shutil import rmtree
 
     with contextlib.suppress(OSError):

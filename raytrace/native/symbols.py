@@ -1,7 +1,7 @@
-"""What machine code calls outside of itself: LLVM ends the process that links a call of what it can't find.
+"""Functions that machine code calls outside itself: LLVM ends the process if it links a call that it cannot find.
 
-The tables of symbols of object files are read here, in the two formats that LLVM makes for this process: ELF, which
-Numba asks for on Windows too, and Mach-O on macOS   [System V ABI, chapter 4; mach-o/nlist.h].
+This module reads the symbol tables of object files in the two formats that LLVM writes for this process: ELF, which
+Numba requests on Windows too, and Mach-O on macOS   [System V ABI, chapter 4; mach-o/nlist.h].
 """
 
 import contextlib
@@ -17,17 +17,17 @@ import llvmlite.binding as llvm
 ELF, MACH_O = b"\x7fELF\x02\x01", b"\xcf\xfa\xed\xfe"  # 64 bits, little endian
 SYMBOL_TABLE, MACH_O_TABLE = 2, 2  # type of a section, of a load command
 TYPE, DEBUG = 0x0E, 0xE0  # bits of the type of a Mach-O symbol
-LIBRARIES = {"win32": ("ntdll", "ucrtbase"), "linux": ("libm.so.6",)}  # where LLVM may not look
-_lacking: set[str] = set()  # names that LLVM was given a stand-in for
+LIBRARIES = {"win32": ("ntdll", "ucrtbase"), "linux": ("libm.so.6",)}  # where LLVM may not search
+_lacking: set[str] = set()  # names for which LLVM got a placeholder
 
 
 def undefined(data: bytes) -> list[str]:
-    """Return the names that an object file leaves to be found elsewhere.
+    """Return the undefined names of an object file, which must be found elsewhere.
 
     Raises
     ------
     ValueError
-        It is no object file of a known format.
+        It is not an object file of a known format.
     """
     try:
         if data.startswith(ELF):
@@ -68,12 +68,12 @@ def _mach_o(data: bytes) -> Iterator[str]:
 
 
 def unknown(data: bytes) -> list[str]:
-    """Return what an object file needs and this process lacks; what Python has is made known to LLVM."""
+    """Return the undefined names that this process lacks; register those of Python with LLVM."""
     return [name for name in undefined(data) if not _found(name)]
 
 
 def stand_in(names: Iterable[str]) -> None:
-    """Have LLVM find something under these names, so that it does not end the process; what calls them must not run."""
+    """Register a placeholder for names with LLVM, so that it does not end the process; callers of them must not run."""
     address = ctypes.cast(ctypes.pythonapi.Py_IsInitialized, ctypes.c_void_p).value
     for name in names:
         llvm.add_symbol(name, address)
@@ -89,7 +89,7 @@ def _found(name: str) -> bool:
 
 
 def _added(library: Any, name: str) -> bool:
-    """Make a function of a library known to LLVM, if the library has it."""
+    """Register a function of a library with LLVM, if the library has it; return whether it has."""
     function = getattr(library, name, None)
     if function is not None:
         llvm.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)

@@ -1,7 +1,7 @@
-"""Kernels compiled by processes of their own: Numba holds the interpreter's lock, so threads would only take turns.
+"""Compile kernels in several processes: Numba holds the GIL, so threads would only take turns.
 
-They write what they make into the store, where this process finds it: so it need not import Numba, and Ctrl-C is
-noticed at once. Where no process can be started, or one dies, this one finds nothing, and compiles what it needs.
+The processes write object code into the store, where this process finds it. So it need not import Numba, and reacts to
+Ctrl-C at once. If no process can be started, or one dies, this process compiles the missing kernels itself.
 """
 
 import base64
@@ -20,21 +20,21 @@ from raytrace import parallel
 from raytrace.native import store
 from raytrace.native.signatures import Kind, describe, kind_of
 
-MOST = 4  # processes: each takes half a second and 150 MB before it compiles, and two kernels take most of all the time
+MAX_PROCESSES = 4  # each takes half a second and 150 MB to start, and two kernels take most of the total time
 PROGRAM = "import sys; sys.path[:] = {path!r}; from raytrace.native.workers import work; work()"
-DONE, CODE = b"done", b"code "  # answers: all is in the store; or what could not be put there
+DONE, CODE = b"done", b"code "  # answers: everything is in the store; or the code that could not be stored
 
 Task = tuple[Any, tuple[Kind, ...]]  # a kernel, and kinds of arguments
 
 
 def missing(calls: Iterable[tuple[Any, tuple[Any, ...]]]) -> list[Task]:
-    """Kernels that the store lacks, of those given with arguments."""
+    """Return the kernels that the store lacks, of those given with their arguments."""
     tasks = dict.fromkeys((kernel, tuple(map(kind_of, args))) for kernel, args in calls)
     return [(kernel, kinds) for kernel, kinds in tasks if kernel.stored(kinds) is None]
 
 
 def _shares(tasks: Iterable[Task]) -> list[list[Task]]:
-    """Kernels of one file and one precision share callees: a process compiles those but once."""
+    """Group kernels by file and precision: they share callees, which a process compiles only once."""
     shares = defaultdict(list)
     for kernel, kinds in tasks:
         shares[kernel.__module__, "float32" in ", ".join(map(describe, kinds))].append((kernel, kinds))
@@ -42,18 +42,18 @@ def _shares(tasks: Iterable[Task]) -> list[list[Task]]:
 
 
 def compile_all(tasks: Iterable[Task], report: Callable[[int, int], None] = lambda _done, _total: None) -> None:
-    """Compile kernels into the store, as far as that can be done.
+    """Compile kernels into the store, as far as possible.
 
     Parameters
     ----------
     tasks : iterable of (Kernel, kinds)
-        Those that take long come first.
+        Those that take longest should come first.
     report : callable
-        Is called here with the number of shares done, and of all.
+        Called in this thread with the number of finished groups and the number of groups.
     """
     shares = _shares(tasks)
-    count = min(parallel.thread_count(None), MOST, len(shares))
-    python = Path(sys.executable or "").stem.startswith("python")  # and not another program that has Python within
+    count = min(parallel.thread_count(None), MAX_PROCESSES, len(shares))
+    python = Path(sys.executable or "").stem.startswith("python")  # not a program that embeds Python
     if count < 2 or not python or not store.can_keep():
         return
     mine, workers, stopping = threading.local(), list[subprocess.Popen[bytes]](), threading.Event()
@@ -62,9 +62,9 @@ def compile_all(tasks: Iterable[Task], report: Callable[[int, int], None] = lamb
         if not hasattr(mine, "worker"):
             mine.worker = _start()
             workers.append(mine.worker)
-            if stopping.is_set():  # before it was in the list
+            if stopping.is_set():  # `stop` was called before the worker was in the list
                 mine.worker.kill()
-        with contextlib.suppress(OSError):  # it has died
+        with contextlib.suppress(OSError):  # the worker has died
             mine.worker.stdin.write(base64.b64encode(pickle.dumps(share)) + b"\n")
             mine.worker.stdin.flush()
             _take(share, mine.worker.stdout.readline())
@@ -77,15 +77,15 @@ def compile_all(tasks: Iterable[Task], report: Callable[[int, int], None] = lamb
     report(0, len(shares))
     try:
         parallel.run(compile_share, shares, count, report=lambda done: report(done, len(shares)), cancel=stop)
-    except OSError:  # no process could be started; it is tried no further
+    except OSError:  # no process could be started; do not try again
         stop()
     finally:
         for worker in workers:
-            worker.communicate()  # closes its input, at the end of which it leaves
+            worker.communicate()  # closes its input, so it exits
 
 
 def _take(share: list[Task], answer: bytes) -> None:
-    """Take in what a process compiled but could not keep, as where the disk has become full."""
+    """Keep the code that a process compiled but could not store, for example on a full disk."""
     if answer.startswith(CODE):
         for (kernel, kinds), code in zip(share, pickle.loads(base64.b64decode(answer[len(CODE) :])), strict=True):
             if code is not None:
@@ -105,9 +105,9 @@ def _start() -> "subprocess.Popen[bytes]":
 
 
 def work() -> None:
-    """What such a process does: compile what it reads, until its input ends."""
+    """Main function of such a process: compile the kernels that it reads, until its input ends."""
     answers = os.fdopen(os.dup(1), "wb", buffering=0)
-    os.dup2(2, 1)  # whatever is printed is no answer
+    os.dup2(2, 1)  # printed text must not mix with answers
     for line in sys.stdin.buffer:
         share = pickle.loads(base64.b64decode(line))
         for kernel, kinds in share:

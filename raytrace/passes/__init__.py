@@ -1,1 +1,1 @@
-"""The passes of the wavefront, one a file: kernels over batches of rays."""
+"""The passes of the wavefront, one per file: kernels over batches of rays."""

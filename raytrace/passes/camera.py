@@ -5,12 +5,12 @@ from numpy.typing import NDArray
 
 from raytrace.accel.lanes import load, packet, packet_width, sqrt, store, to_real
 from raytrace.jit import kernel
-from raytrace.passes.sampling import film_sample, pixel_key
+from raytrace.passes.sampling import Sampler, film_sample, pixel_key
 from raytrace.records import Camera, View
 
 
 def make_view(camera: Camera, size: tuple[int, int], dtype: np.dtype) -> View:
-    """The camera for a film of ``size`` (width, height): square pixels, ``fov`` spans the height."""
+    """Make the view of a camera for a film of ``size`` (width, height); pixels are square, ``fov`` spans the height."""
     forward = _unit(camera.look_at / 2 - camera.position / 2)  # halves: the difference of large numbers may overflow
     right = np.cross(forward, _unit(camera.up))
     right = right / np.linalg.norm(right)
@@ -26,25 +26,25 @@ def pinhole_directions(view: View, x: NDArray[np.floating], y: NDArray[np.floati
 
 
 def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit vector; the largest component is first brought to 1/2 .. 1, exactly, so that no square overflows."""
+    """Unit vector; the largest component is first scaled to 1/2 .. 1, exactly, so that no square overflows."""
     scaled = np.ldexp(vector, -np.frexp(np.abs(vector).max())[1])
     return scaled / np.linalg.norm(scaled)
 
 
 @kernel
-def camera_rays(view, sampler, x, y, samples, d):
-    """Directions of rays through samples of pixels; ray number = sample * len(x) + pixel.
+def camera_rays(view: View, sampler: Sampler, x, y, samples, d):
+    """Compute the directions of rays through samples of pixels; ray number = sample * len(x) + pixel.
 
     Parameters
     ----------
     view : View
     sampler : Sobol, Stratified or Independent
     x, y : (m,) uint32 arrays, pixels
-        Full packets of pixels of the film, neighbours beside each other.
+        Columns and rows of pixels of the film: full packets, with neighbours next to each other.
     samples : (2,) int64 array
-        First sample and the one after the last.
+        Number of the first sample, and of the one after the last.
     d : (3n,) f array
-        Is given the unit directions.
+        Output: unit directions.
     """
     like = packet(d)
     count, n = len(x), len(d) // 3

@@ -1,32 +1,43 @@
-"""Where a picture has edges: how far pixels are from their neighbours, and from what those foretell."""
+"""Edges of an image: differences of pixels from their neighbours, and from the neighbours' linear extrapolation."""
+
+from typing import NamedTuple
 
 from raytrace.accel.lanes import load, maximum, minimum, packet, packet_width, store
 from raytrace.jit import inlined, kernel
 
 
-@kernel
-def edges(picture, columns, steps, bends, between):
-    """Differences of each pixel from the two beside it, in four directions: squared, summed over the channels.
+class Differences(NamedTuple):
+    """Squared differences of pixels from two opposite neighbours, summed over the channels."""
 
-    An even slope has steps and no bends. An edge bends the pixels that it crosses, or those on both sides of it; what
-    it crosses lies between its neighbours.
+    before: float
+    after: float
+    second: float
+
+
+@kernel
+def edges(image, columns: int, steps, bends, between):
+    """Differences of each pixel from its two neighbours in four directions: squared, summed over the channels.
+
+    An even slope has steps (first differences) and no bends (second differences). An edge bends the pixels that it
+    crosses, or those on both sides of it. The value of a pixel that it crosses lies between those of its neighbours.
 
     Parameters
     ----------
-    picture : (3 m,) float64 array
-        Channels of rows of pixels, one after the other; m is a multiple of a register.
+    image : (3 m,) float64 array
+        The channels one after the other, each row by row; m is a multiple of the number of lanes.
     columns : int
-        Pixels of a row, at least a register of them.
+        Pixels per row, at least as many as there are lanes.
     steps, bends, between : (m,) float64 arrays
-        Are given the largest first difference, the largest second one, and the largest of the smaller first ones of a
-        direction, where that is more than they hold; not in the first two rows and the last two.
+        Updated to the maximum of what they hold and of: the largest first difference, the largest second difference,
+        and the largest of the smaller first differences of each direction. The first two rows and the last two are not
+        changed.
     """
     like, width = packet(steps), packet_width(steps)
     m = len(steps)
     for i in range(2 * columns // width * width, m - 2 * columns, width):
         step, bend, least = load(steps, i, like), load(bends, i, like), load(between, i, like)
         for away in (1, columns - 1, columns, columns + 1):
-            before, after, second = _differences(picture, m, i, away, like)
+            before, after, second = _differences(image, m, i, away, like)
             step, bend = maximum(maximum(before, after), step), maximum(second, bend)
             least = maximum(minimum(before, after), least)
         store(steps, i, step)
@@ -35,24 +46,25 @@ def edges(picture, columns, steps, bends, between):
 
 
 @kernel
-def weigh(marks, columns, known, width, error):
-    """Squared error of each pixel: its own, and what its neighbours' differences add as far as they bend.
+def weigh(marks, columns: int, own, width: int, error):
+    """Squared error of each pixel: its own, plus weighted differences from its neighbours where they bend.
 
-    A step counts only as far as one of the 3 x 3 pixels about it is bent: a slope is no edge.
+    A step counts at most as much as the largest bend of the 3 x 3 pixels around it: a slope is not an edge.
 
     Parameters
     ----------
     marks : (3 n,) float64 array
-        Steps, bends and what lies between neighbours, as ``edges`` has them: two rows more than the picture above and
-        below, one column before it and at least one behind.
+        ``steps``, ``bends`` and ``between`` of ``edges``, for the image with two more rows above and below, one more
+        column before it, and at least one after it.
     columns : int
-        Pixels of a row of those.
-    known : (3 (m + packet),) float64 array
-        Pixels of the picture, row after row: their own error, and by what the differences between and the steps count.
+        Pixels per row of ``marks``.
+    own : (3 (m + packet),) float64 array
+        For the pixels of the image, row by row: their own squared error, the weight of ``between``, the weight of
+        ``steps``.
     width : int
-        Pixels of a row of the picture.
+        Pixels per row of the image.
     error : (m + packet,) float64 array
-        Is given them; what is behind the last pixel means nothing.
+        Output; elements after the last pixel are meaningless.
     """
     like, lanes = packet(error), packet_width(error)
     n, m = len(marks) // 3, len(error)
@@ -64,16 +76,17 @@ def weigh(marks, columns, known, width, error):
                 for k in range(above - 1, above + 2):
                     bent = maximum(load(marks, n + k, like), bent)
             step, between = minimum(load(marks, i, like), bent), minimum(load(marks, 2 * n + i, like), bent)
-            total = load(known, at, like) + load(known, m + at, like) * between
-            store(error, at, total + load(known, 2 * m + at, like) * step)
+            total = load(own, at, like) + load(own, m + at, like) * between
+            store(error, at, total + load(own, 2 * m + at, like) * step)
 
 
 @inlined
-def _differences(picture, m, i, away, like):
+def _differences(image, m: int, i: int, away: int, like) -> Differences:
+    """Differences of pixel i from the two neighbours that are ``away`` elements before and after it."""
     before = after = second = like
     for k in range(3):
-        centre = load(picture, k * m + i, like)
-        x = load(picture, k * m + i - away, like) - centre
-        y = load(picture, k * m + i + away, like) - centre
+        centre = load(image, k * m + i, like)
+        x = load(image, k * m + i - away, like) - centre
+        y = load(image, k * m + i + away, like) - centre
         before, after, second = before + x * x, after + y * y, second + (x + y) * (x + y)
-    return before, after, second
+    return Differences(before, after, second)

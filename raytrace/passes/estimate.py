@@ -1,13 +1,13 @@
-"""How far the means of pixels may be from the truth, told by what their bins disagree by.
+"""Errors of the means of pixels, estimated from the differences between the bins of a pixel.
 
-The four bins of a pixel (film.py) give three contrasts: half against half, and quarter against quarter in each half. Of
-independent samples each would have the mean sigma^2, and the pixel's variance V(n) would be sigma^2 / n. The points of
-one pixel avoid each other, so that V falls as n^-order with an order above 1, and contrasts are too large by
+The four bins of a pixel (film.py) give three contrasts: half against half, and quarter against quarter in each half.
+For independent samples the mean of each is sigma^2, and the pixel's variance V(n) is sigma^2 / n. The sample points of
+one pixel avoid each other, so V falls as n^-order with an order above 1, and contrasts are too large by the factors
 
     half against half:        2^order - 1
     quarter against quarter:  2^order (2^order - 1) / 2
 
-which follows from V(n / 2) = 2^order V(n) and blocks that are exchangeable. docs/error.md derives and measures it.
+which follows from V(n / 2) = 2^order V(n) and exchangeable blocks. docs/error.md derives and measures them.
 """
 
 from functools import cache
@@ -22,10 +22,10 @@ from raytrace.passes.film import LUMINANCE, Film, bin_counts
 
 
 class Model(NamedTuple):
-    """What is known of a sampler's points."""
+    """Convergence of the points of a sampler."""
 
     order: float  # V(n) ~ n^-order, measured; edges alone: 3/2 [He2015]
-    block: int  # samples that belong together: what less than a block says counts only where there is nothing else
+    block: int  # samples that belong together: bins of fewer samples count only where there are no others
 
 
 MODELS = {"sobol": Model(1.6, 2), "stratified": Model(1.4, 1), "independent": Model(1.0, 1)}
@@ -37,11 +37,11 @@ def estimate(film: Film, first: int, last: int, model: Model, shown: NDArray[np.
     Parameters
     ----------
     film : Film
-        Its variances and errors are written.
+        Its variances and errors are updated.
     first, last : int
     model : Model
     shown : (3 (last - first),) array
-        Is given their means as shown: all red, all green, all blue.
+        Output: their means as displayed, all red, all green, all blue.
     """
     weights = _weights(int(film.samples[first]), model)
     errors(film.sums.reshape(-1), first, weights, shown, film.variance, film.error)
@@ -51,9 +51,9 @@ def estimate(film: Film, first: int, last: int, model: Model, shown: NDArray[np.
 
 @cache
 def _weights(samples: int, model: Model) -> NDArray[np.float64]:
-    """Number of samples, and factors of both sums of each contrast, so that the variance is the sum of their squares.
+    """Number of samples, and the factors of both sums of each contrast: the variance is the sum of squared contrasts.
 
-    What two bins say of the variance of a sample is na nb / (na + nb) (mean a - mean b)^2.
+    Two bins of na and nb samples estimate the variance of one sample as na nb / (na + nb) (mean a - mean b)^2.
     """
     a, b, c, d = bin_counts([samples])[:, 0].tolist()
     growth = 2.0**model.order
@@ -70,21 +70,21 @@ def _weights(samples: int, model: Model) -> NDArray[np.float64]:
 
 
 @kernel
-def errors(sums, first, weights, shown, variance, error):
-    """Means as shown, variances and errors of pixels with the same number of samples.
+def errors(sums, first: int, weights, shown, variance, error):
+    """Compute displayed means, variances and errors of pixels with the same number of samples.
 
     Parameters
     ----------
     sums : (12 m,) array
-        Of a film, row after row.
+        ``sums`` of a film, flattened.
     first : int
         The first pixel.
     weights : (7,) array
-        Of ``_weights``.
+        Result of ``_weights``.
     shown : (3n,) array
-        Is given the means of n pixels, as shown.
+        Output: the means of n pixels, as displayed.
     variance, error : (m,) arrays
-        Of the film; those of the pixels are written.
+        Of the film; the elements of these pixels are written.
     """
     like = packet(variance)
     m, n = len(variance), len(shown) // 3
@@ -103,12 +103,12 @@ def errors(sums, first, weights, shown, variance, error):
             off = off + step * step
             store(shown, k * n + i, displayed(mean))
         store(variance, at, half * half + quarter * quarter + other * other)
-        store(error, at, off * (1 / 12))  # a step is twice the error; mean of three channels
+        store(error, at, off * (1 / 12))  # a step is twice the error; averaged over three channels
 
 
 @inlined
 def displayed(x):
-    """Radiance as it is shown: sRGB, 0 .. 1   [IEC 61966-2-1]. Without a library's power, whose bits differ."""
+    """Radiance as displayed: sRGB, 0 .. 1   [IEC 61966-2-1]. Uses no library's power function: their bits differ."""
     x = minimum(maximum(x, 0.0), 1.0)
     z = sqrt(maximum(x, 0.0031308))
     t = 0.358 + z * (1.162 - z * 0.551)  # z^(1/3), off by 10 %; then 6e-4, then 1e-10   [Halley]
@@ -119,6 +119,6 @@ def displayed(x):
 
 
 def root_mean(squares: NDArray[np.float64]) -> float:
-    """Root of the mean of what is known; NaN where nothing is."""
+    """Root of the mean of the finite elements; NaN if there are none."""
     known = squares[np.isfinite(squares)]
     return float(np.sqrt(known.mean())) if len(known) else float("nan")

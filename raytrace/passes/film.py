@@ -1,7 +1,8 @@
-"""Film: radiance of samples to sums of pixels, in the order of the samples, whatever the batch.
+"""Film: adds the radiance of samples to sums of pixels, in the order of the samples, however they are batched.
 
-A pixel's samples lie in four bins, quarters of them where their number is a power of two: 0 and 1 hold the first half,
-2 and 3 what came since. When both are full, two bins become one each. What the bins disagree by is the pixel's error.
+The samples of a pixel are summed in four bins, each a quarter of them where their number is a power of two. Bins 0
+and 1 hold the first half, bins 2 and 3 the samples since then. When all are full, 0 and 1 are merged into 0, and 2 and
+3 into 1. The pixel's error is estimated from the differences between the bins.
 """
 
 from typing import NamedTuple
@@ -13,21 +14,21 @@ from raytrace.accel.lanes import PACKET
 from raytrace.jit import inlined, kernel
 
 BINS = 4
-MOST = float(np.finfo(np.float32).max)  # radiance of a picture
+MAX_RADIANCE = float(np.finfo(np.float32).max)  # of an image
 LUMINANCE = 0.2126, 0.7152, 0.0722  # of linear Rec. 709 primaries   [ITU-R BT.709-6, 3.2]
 
 
 class Film(NamedTuple):
-    """What is known of the pixels of a window, which are whole packets of them."""
+    """Samples and error estimates of the pixels of a window, padded to whole packets."""
 
     sums: NDArray[np.float64]  # (12, m): red, green, blue of each bin, bin after bin
     samples: NDArray[np.int32]  # (m,)
     variance: NDArray[np.float64]  # (m,): of the mean luminance; NaN: unknown
-    error: NDArray[np.float64]  # (m,): squared, as shown: of sRGB clipped to 0..1, mean of the channels; NaN: unknown
+    error: NDArray[np.float64]  # (m,): squared, of sRGB clipped to 0..1, averaged over channels; NaN: unknown
 
 
 class Frame(NamedTuple):
-    """What is known of the pixels of a window, row after row."""
+    """Means and error estimates of the pixels of a window, row by row."""
 
     rgb: NDArray[np.float32]  # (m, 3): mean radiance, at most the largest float32; 0 without a sample
     samples: NDArray[np.int32]  # (m,)
@@ -36,30 +37,30 @@ class Frame(NamedTuple):
 
 
 def make_frame(pixels: int) -> Frame:
-    """Room for so many pixels."""
+    """Allocate a frame of so many pixels."""
     return Frame(np.empty((pixels, 3), np.float32), np.empty(pixels, np.int32), *np.empty((2, pixels)))
 
 
 def blank_frame(pixels: int) -> Frame:
-    """So many pixels without a sample."""
+    """Make a frame of so many pixels without samples."""
     frame = make_frame(pixels)
     frame.rgb[:], frame.samples[:], frame.variance[:], frame.error[:] = 0, 0, np.nan, np.nan
     return frame
 
 
 def make_film(pixels: int) -> Film:
-    """Film of so many pixels, and as many more as fill the last packet; without a sample."""
+    """Make a film of so many pixels, padded to whole packets, without samples."""
     m = -(-pixels // PACKET) * PACKET
     return Film(np.zeros((3 * BINS, m)), np.zeros(m, np.int32), np.full(m, np.nan), np.full(m, np.nan))
 
 
 def taken(film: Film, pixels: NDArray[np.int64]) -> Film:
-    """Copy some pixels of a film, whole packets of them."""
+    """Copy some pixels of a film: whole packets."""
     return Film(np.take(film.sums, pixels, axis=1), *(column[pixels] for column in film[1:]))
 
 
 def put(film: Film, pixels: NDArray[np.int64], part: Film) -> None:
-    """Write pixels that were taken back, but for those that fill the last packet."""
+    """Write pixels that ``taken`` copied back to a film, without the padding of the last packet."""
     m = len(pixels)
     for row, values in zip(film.sums, part.sums, strict=True):
         row[pixels] = values[:m]
@@ -68,7 +69,7 @@ def put(film: Film, pixels: NDArray[np.int64], part: Film) -> None:
 
 
 def bin_counts(samples):
-    """Samples in each bin (4, m), for the numbers of samples (m,) of pixels."""
+    """Number of samples in each bin, (4, m), for the numbers of samples (m,) of pixels."""
     samples = np.asarray(samples, np.int64)
     width = 1 << np.maximum(np.ceil(np.log2(np.maximum(samples, 1))).astype(np.int64) - 2, 0)
     return np.clip(samples - width * np.arange(BINS)[:, None], 0, width)
@@ -76,26 +77,26 @@ def bin_counts(samples):
 
 @inlined
 def bin_of(sample):
-    """Bin of a sample when it comes: 2 or 3 for all but the first two."""
+    """Bin to which a sample is added: 2 or 3 for all but the first two."""
     while sample >= BINS:
         sample >>= 1
     return sample
 
 
 @kernel
-def accumulate(radiance, first, last, sums, begin, m):
-    """Add samples to pixels.
+def accumulate(radiance, first: int, last: int, sums, begin: int, m: int):
+    """Add the radiance of samples to pixels.
 
     Parameters
     ----------
     radiance : (3n,) f array
-        Sample after sample, each of m pixels; there may be more.
+        All red, all green, all blue; in each, m pixels for each sample. There may be more elements.
     first, last : int
         Number of the first sample, and of the one after the last.
     sums : (12, p) float64 array
-        Of red, green and blue of pixels, bin after bin.
+        Sums of red, green and blue of pixels, bin by bin.
     begin, m : int
-        The first pixel, and how many.
+        The first pixel, and the number of pixels.
     """
     n, end = len(radiance) // 3, begin + m
     for sample in range(first, last):
@@ -114,18 +115,18 @@ def accumulate(radiance, first, last, sums, begin, m):
 
 
 @kernel
-def develop(film, at, first, most, frame):
-    """Put what is known of the pixels of a film where they belong in a picture.
+def develop(film: Film, at, first: int, most: int, frame: Frame):
+    """Write the means and error estimates of pixels of a film to their places in a frame.
 
     Parameters
     ----------
     film : Film
     at : (m,) int64 array
-        Place in the picture of each of m pixels.
+        Place of each of m pixels in the frame.
     first : int
-        The first of them in the film.
+        Number of the first of them in the film.
     most : int
-        Pixels with more samples than this are left out.
+        Pixels with more samples than this are skipped.
     frame : Frame
     """
     sums, samples, variance, error = film
@@ -137,5 +138,5 @@ def develop(film, at, first, most, frame):
         for c in range(3):
             total = (sums[c, i] + sums[3 + c, i]) + (sums[6 + c, i] + sums[9 + c, i])
             mean = total / max(samples[i], 1)
-            rgb[j, c] = np.float32(MOST if mean > MOST else mean)
+            rgb[j, c] = np.float32(MAX_RADIANCE if mean > MAX_RADIANCE else mean)
         numbers[j], variances[j], errors[j] = samples[i], variance[i], error[i]

@@ -1,19 +1,21 @@
-"""Last passes of a sample: direct light. Shadow rays to one point light, then what arrives, reflected."""
+"""Last passes of a sample: direct light. Shadow rays to one point light, then the reflection of what arrives."""
 
 import numpy as np
 
+from raytrace.accel.hit_points import gamma
 from raytrace.accel.lanes import count, load, packet, packet_width, select, splat, sqrt, store
 from raytrace.accel.layout import boxes_of, children_of, triangles_of
 from raytrace.accel.vectors import dot
 from raytrace.jit import kernel
-from raytrace.passes.surface import ROUNDINGS, load3, spawn, store3, vector_of
+from raytrace.passes.surface import load3, spawn, store3, vector_of
+from raytrace.records import Hits, Points, Shading, Shadows, Tree
 
 FOUR_PI = 4.0 * np.pi
-SPAN = 8  # times 3 roundings: by how many of the scene's extent the end of a shadow ray may be off
+SPAN = 8  # times 3 roundings of the scene's extent: bound on the error of the end of a shadow ray
 
 
-def triangles_at(tree, triangles, position):
-    """Find the triangles on which a light lies, as far as its shadow rays can tell.
+def triangles_at(tree: Tree, triangles, position):
+    """Find the triangles on which a light lies, to within the rounding error of its shadow rays.
 
     Parameters
     ----------
@@ -25,20 +27,20 @@ def triangles_at(tree, triangles, position):
     Returns
     -------
     (k,) int array
-        Numbers of triangles. In exact arithmetic a shadow ray meets them at its end, t = 1, which is not part of it;
-        with rounding, just before or after.
+        Numbers of triangles. In exact arithmetic a shadow ray meets them at its end, t = 1, which is not part of it.
+        With rounding, it meets them just before or after.
 
     Notes
     -----
-    A ray tells how far the light is from a plane to gamma(24) times the extent of the scene, from any part of which it
-    may come, and gamma(3) times the coordinates, which are themselves rounded [docs/numerics.md].
+    A shadow ray may start anywhere in the scene. It measures the distance of the light from a plane with an error of at
+    most gamma(24) times the extent of the scene, plus gamma(3) times the coordinates, which are themselves rounded
+    [docs/numerics.md].
     """
-    light, unit = position.astype(np.float64), np.finfo(triangles.dtype).eps / 2.0
-    gamma = ROUNDINGS * unit / (1.0 - ROUNDINGS * unit)
+    light, relative = position.astype(np.float64), gamma(np.finfo(triangles.dtype).eps)
     bounds, child = boxes_of(tree.nodes), children_of(tree.nodes)
     low, high = bounds[0, :3].min(axis=1), bounds[0, 3:].max(axis=1)
     extent = np.maximum(high, light) - np.minimum(low, light)
-    margin = gamma * (np.maximum(np.maximum(-low, high), 0.0) + np.abs(light) + SPAN * extent)
+    margin = relative * (np.maximum(np.maximum(-low, high), 0.0) + np.abs(light) + SPAN * extent)
     near = child < 0
     for axis in range(3):
         near &= bounds[:, axis] <= light[axis] + margin[axis]
@@ -46,7 +48,7 @@ def triangles_at(tree, triangles, position):
     prims = triangles_of(tree.leaves)[~child[near]].ravel()
     prims = prims[prims >= 0]
     corners, normal = triangles[prims, :9].astype(np.float64).reshape(-1, 3, 3), triangles[prims, 9:]
-    reach = gamma * (np.abs(corners).max(axis=1) + np.abs(light) + SPAN * extent)
+    reach = relative * (np.abs(corners).max(axis=1) + np.abs(light) + SPAN * extent)
     on = np.abs(np.sum(normal * (light - corners[:, 0]), axis=1)) <= np.sum(np.abs(normal) * reach, axis=1)
     for k in range(3):
         inward = np.cross(normal, corners[:, (k + 1) % 3] - corners[:, k])
@@ -55,8 +57,8 @@ def triangles_at(tree, triangles, position):
 
 
 @kernel
-def background(hits, radiance, colour):
-    """Begin the radiance of samples: the background where a ray left the scene, else 0."""
+def background(hits: Hits, radiance, colour):
+    """Initialise the radiance of samples: the background where a ray left the scene, else 0."""
     like = packet(radiance)
     n = len(radiance) // 3
     for i in range(0, n, packet_width(radiance)):
@@ -66,8 +68,8 @@ def background(hits, radiance, colour):
 
 
 @kernel
-def shadow_rays(points, position, shadows):
-    """Rays from points to a point light, and the irradiance per flux cos / (4 pi r^2) that they carry; how many."""
+def shadow_rays(points: Points, position, shadows: Shadows):
+    """Make rays from points to a point light, with their irradiance per flux cos / (4 pi r^2); return their number."""
     like = packet(points.p)
     n = len(points.p) // 3
     sent = 0
@@ -77,7 +79,7 @@ def shadow_rays(points, position, shadows):
         o = spawn(load3(points.p, i, n, like), ng, offset)
         d = position[0] - o[0], position[1] - o[1], position[2] - o[2]
         r2 = dot(d, d)
-        cosine = dot(d, ns)  # times r; r^3 would leave the range of the floats long before r^2 does
+        cosine = dot(d, ns)  # times r; r^3 would overflow long before r^2 does
         lit = (offset >= 0.0) & (dot(d, ng) > 0.0) & (cosine > 0.0)
         store3(shadows.o, i, n, o)
         store3(shadows.d, i, n, d)
@@ -88,8 +90,8 @@ def shadow_rays(points, position, shadows):
 
 
 @kernel
-def reflect_light(shading, points, shadows, flux, radiance):
-    """Add albedo / pi times the irradiance that nothing stopped."""
+def reflect_light(shading: Shading, points: Points, shadows: Shadows, flux, radiance):
+    """Add albedo / pi times the irradiance of the points that are not in shadow."""
     like = packet(radiance)
     n = len(radiance) // 3
     for i in range(0, n, packet_width(radiance)):

@@ -1,4 +1,4 @@
-"""The bounce: rays that met an ideal interface go on behind it, or are reflected; all others have landed or left."""
+"""The bounce: rays that hit an ideal interface continue behind it or are reflected; all other rays end."""
 
 import numpy as np
 
@@ -20,22 +20,24 @@ from raytrace.accel.lanes import (
 from raytrace.accel.vectors import choose3, dot, scaled, unit
 from raytrace.jit import inlined, kernel
 from raytrace.passes.surface import load3, numbers_of, point_on, row_of, shading_normal, spawn
+from raytrace.records import Batch, Shading
 
 
 @inlined
 def reflect_direction(d, n):
-    """Mirror direction d - 2 (d . n) n."""
+    """Mirror direction d - 2 (d . n) n, for registers and for NumPy arrays of components."""
     twice = 2.0 * dot(d, n)
     return d[0] - twice * n[0], d[1] - twice * n[1], d[2] - twice * n[2]
 
 
 @inlined
 def refract_direction(d, n, eta):
-    """Snell's law; n on the ray's side, eta = transmitted / incident. Unit direction, total internal reflection.
+    """Unit direction by Snell's law, and whether reflection is total; for registers and NumPy arrays of components.
 
-    The part of d along the surface has length sin_i and is divided by eta; what is left to unit length goes against n.
-    It is taken from d + n, which is small near normal incidence and exact there; cos_t^2 is taken from the cosine, or
-    from the sine, whichever is the smaller: so neither loses digits [Pharr2023, 9.3; docs/numerics.md].
+    n is the normal on the ray's side; eta is the index of the transmitted medium over that of the incident one. The
+    part of d along the surface has length sin_i and is divided by eta; the rest of the unit length goes against n. That
+    part is computed from d + n, which is small near normal incidence and exact there. cos_t^2 is computed from the
+    cosine or the sine, whichever is smaller, so that no digits cancel [Pharr2023, 9.3; docs/numerics.md].
     """
     inverse = 1.0 / eta
     cosine = dot(d, n)
@@ -54,9 +56,10 @@ def refract_direction(d, n, eta):
 
 @inlined
 def interface_direction(d, ng, ns, eta):
-    """Refract about the shading normal; about the geometric one where that would end on the wrong side of the surface.
+    """Direction after an interface, and whether it stays on the ray's side (total internal reflection).
 
-    Both normals are on the ray's side. Direction, and whether it stays on that side (total internal reflection).
+    Refracts about the shading normal ns. Where that direction would leave on the wrong side of the surface, refracts
+    about the geometric normal ng instead. Both normals are on the ray's side.
     """
     ns = choose3(dot(d, ns) < 0.0, ns, ng)
     wt, total = refract_direction(d, ns, eta)
@@ -69,23 +72,23 @@ def interface_direction(d, ng, ns, eta):
 
 
 @kernel
-def refract_rays(shading, normals, rays, n, out):
-    """Send on the first n rays of a batch that met an interface, side by side in ``out``; how many they are."""
-    like = packet(rays.d)
-    eps = machine_epsilon(rays.d)
-    size = len(rays.slot)
+def refract_rays(shading: Shading, normals, batch: Batch, n: int, out: Batch):
+    """Write the next rays of those of the first n of a batch that hit an interface to ``out``; return their number."""
+    like = packet(batch.d)
+    eps = machine_epsilon(batch.d)
+    size = len(batch.slot)
     one = splat(1.0, like)
     sent = 0
-    for i in range(0, n, packet_width(rays.d)):
-        prim = load(rays.hits.prim_id, i, like)
+    for i in range(0, n, packet_width(batch.d)):
+        prim = load(batch.hits.prim_id, i, like)
         found = (prim >= 0) & (lane_numbers(like) < np.int32(n - i))
         prim = numbers_of(prim, found)
         material = gather(shading.material_id, prim)
         found = found & (row_of(shading.materials, material, 6, 5) > 0.0)
         if bits(found) == 0:
             continue
-        u, v = load(rays.hits.u, i, like), load(rays.hits.v, i, like)
-        d = load3(rays.d, i, size, like)
+        u, v = load(batch.hits.u, i, like), load(batch.hits.v, i, like)
+        d = load3(batch.d, i, size, like)
         p, ng, offset = point_on(shading.triangles, prim, u, v, eps)
         front = dot(d, ng) < 0.0
         side = select(front, one, -1.0)
@@ -100,20 +103,20 @@ def refract_rays(shading, normals, rays, n, out):
         for k in range(3):
             compress(out.o, k * size + sent, found, o[k])
             compress(out.d, k * size + sent, found, wt[k])
-        compress(out.slot, sent, found, load(rays.slot, i, like))
+        compress(out.slot, sent, found, load(batch.slot, i, like))
         sent += count(found)
     return sent
 
 
 @kernel
-def land(rays, n, landed):
+def land(batch: Batch, n: int, landed: Batch):
     """Copy hits and directions of the first n rays of a batch to the samples that they belong to."""
-    size = len(rays.slot)
+    size = len(batch.slot)
     for i in range(n):
-        slot = rays.slot[i]
-        landed.hits.t[slot] = rays.hits.t[i]
-        landed.hits.prim_id[slot] = rays.hits.prim_id[i]
-        landed.hits.u[slot] = rays.hits.u[i]
-        landed.hits.v[slot] = rays.hits.v[i]
+        slot = batch.slot[i]
+        landed.hits.t[slot] = batch.hits.t[i]
+        landed.hits.prim_id[slot] = batch.hits.prim_id[i]
+        landed.hits.u[slot] = batch.hits.u[i]
+        landed.hits.v[slot] = batch.hits.v[i]
         for k in range(3):
-            landed.d[k * size + slot] = rays.d[k * size + i]
+            landed.d[k * size + slot] = batch.d[k * size + i]

@@ -1,4 +1,4 @@
-"""Where the samples of a pixel lie: every number has an address (seed, pixel, sample, dimension), and none a state."""
+"""Positions of samples in a pixel: each number is a function of (seed, pixel, sample, dimension); there is no state."""
 
 from math import ceil, gcd, sqrt
 from typing import NamedTuple
@@ -13,28 +13,31 @@ FILM_X, FILM_Y, STRATUM = range(3)  # dimensions
 
 
 class Sobol(NamedTuple):
-    """Owen-scrambled Sobol points, a scrambling a pixel."""
+    """Owen-scrambled Sobol points; each pixel has its own scrambling."""
 
     seed: int
 
 
 class Stratified(NamedTuple):
-    """One jittered point in each cell of a grid; cells that follow each other lie far apart."""
+    """One jittered point in each cell of a grid; successive cells lie far apart."""
 
     seed: int
     columns: int
     rows: int
-    step: int  # from one cell to the next, row after row, around the grid
+    step: int  # from one cell to the next; cells are numbered row by row, and wrap around
 
 
 class Independent(NamedTuple):
-    """Points that know nothing of each other."""
+    """Independent uniform points."""
 
     seed: int
 
 
+Sampler = Sobol | Stratified | Independent
+
+
 def make_sampler(name, seed, spp):
-    """The sampler of that name."""
+    """Make the sampler of that name."""
     seed = np.uint32(seed)
     if name == "stratified":
         columns = ceil(sqrt(spp))
@@ -44,9 +47,9 @@ def make_sampler(name, seed, spp):
 
 
 def golden_step(cells):
-    """Whole number below the golden section of ``cells`` that shares no factor with it: its multiples meet every cell.
+    """Stride through ``cells`` cells: near 0.618 cells, rounded down to a number that is coprime to ``cells``.
 
-    Any run of them is spread evenly   [Weyl1916].
+    So its multiples visit every cell, and any run of them is spread evenly   [Weyl1916].
     """
     step = max(1, round(0.6180339887 * cells))
     while gcd(step, cells) > 1:
@@ -72,21 +75,21 @@ def pixel_key(seed, x, y):
 def key(pixel, dimension):
     """Hash of seed, pixel and dimension.
 
-    Mixed twice: the scrambling multiplies high bits by low ones, which would take back what one mixing did last, and
+    Mixed twice: the scrambling multiplies high bits by low ones. That would undo the last step of a single mixing, and
     leave the digits of x and y dependent.
     """
     return mix(mix(pixel + np.uint32(dimension)))
 
 
 @inlined
-def unit(h, like):
-    """Bits to a float in [0, 1): the 24 highest, so that both precisions sample the same places."""
+def unit_interval(h, like):
+    """Float in [0, 1) from the 24 highest bits, so that both precisions sample the same positions."""
     return to_real(h >> np.uint32(8), like) * 2.0**-24
 
 
 @inlined
 def owen(x, k):
-    """Nested uniform scrambling of bit-reversed numbers, by a hash in which bits only influence higher ones.
+    """Nested uniform scrambling of bit-reversed numbers, by a hash in which each bit changes only higher bits.
 
     Laine and Karras 2011, constants of Vegdahl 2021.
     """
@@ -113,7 +116,7 @@ def sobol_reversed(sample):
     return x
 
 
-def film_sample(sampler, pixel, sample, like):
+def film_sample(sampler: Sampler, pixel, sample: int, like):
     """Position of a sample within its pixel, x and y in [0, 1).
 
     Parameters
@@ -123,7 +126,7 @@ def film_sample(sampler, pixel, sample, like):
         ``pixel_key`` of the pixels.
     sample : int
     like : lanes
-        A register of the floats that are wanted.
+        A register of the float type of the result.
     """
     take = {Sobol: _sobol, Stratified: _stratified, Independent: _independent}[type(sampler)]
     return take(sampler, pixel, sample, like)
@@ -131,10 +134,10 @@ def film_sample(sampler, pixel, sample, like):
 
 @inlined
 def mirrored(x, k):
-    """Scramble bit-reversed numbers so that those that differ in their lowest bit alone become mirror images.
+    """Scramble bit-reversed numbers so that two that differ only in their lowest bit become mirror images.
 
-    The other bits are scrambled for themselves, and read as a Gray code, in which the complement of a number differs
-    from it in its first digit alone.
+    The other bits are scrambled on their own, and read as a Gray code, in which the complement of a number differs from
+    it in the first digit only.
     """
     g = owen(x >> np.uint32(1), k) >> np.uint32(1)
     g = g ^ (g >> np.uint32(1))
@@ -146,21 +149,21 @@ def mirrored(x, k):
 
 
 @inlined
-def _sobol(sampler, pixel, sample, like):
+def _sobol(sampler: Sobol, pixel, sample, like):
     x = mirrored(splat(np.uint32(sample), pixel), key(pixel, FILM_X))
     y = mirrored(splat(sobol_reversed(sample), pixel), key(pixel, FILM_Y))
-    return unit(x, like), unit(y, like)
+    return unit_interval(x, like), unit_interval(y, like)
 
 
 @inlined
-def _independent(sampler, pixel, sample, like):
+def _independent(sampler: Sampler, pixel, sample, like):
     x = mix(key(pixel, FILM_X) + np.uint32(sample))
     y = mix(key(pixel, FILM_Y) + np.uint32(sample))
-    return unit(x, like), unit(y, like)
+    return unit_interval(x, like), unit_interval(y, like)
 
 
 @inlined
-def _stratified(sampler, pixel, sample, like):
+def _stratified(sampler: Stratified, pixel, sample, like):
     jitter_x, jitter_y = _independent(sampler, pixel, sample, like)
     cells = sampler.columns * sampler.rows
     cell = (key(pixel, STRATUM) % cells + np.uint32(sample) % cells * sampler.step) % cells

@@ -1,7 +1,10 @@
 """Third pass: from hits to points with normals, and how far from them the next ray must start."""
 
+from typing import NamedTuple
+
 import numpy as np
 
+from raytrace.accel.hit_points import blend3, error_scale, gamma
 from raytrace.accel.lanes import (
     absolute,
     bits,
@@ -9,8 +12,6 @@ from raytrace.accel.lanes import (
     gather,
     load,
     machine_epsilon,
-    maximum,
-    minimum,
     packet,
     packet_width,
     peek,
@@ -20,16 +21,12 @@ from raytrace.accel.lanes import (
 )
 from raytrace.accel.vectors import dot, scaled, unit
 from raytrace.jit import inlined, kernel
-
-# A point is off by roundings of its coordinates, and the test of a ray from it by roundings of the triangle's extent: 3
-# of the first and 12 of the second bound both, gamma(3) (|p| + 4 extents) with gamma(n) = n u / (1 - n u)
-# [Higham2002, 3.1]. docs/numerics.md counts them.
-ROUNDINGS, EXTENTS = 3, 4
+from raytrace.records import Hits, Points, Shading
 
 
 @inlined
 def one_row(index):
-    """Whether all lanes look up the same row, as neighbours mostly do: a gather takes as long as many loads."""
+    """Whether all lanes look up the same row, as neighbours mostly do: one load is much faster than a gather."""
     return bits(index != index[0]) == 0
 
 
@@ -50,7 +47,7 @@ def vector_of(table, index, width, k):
 
 @inlined
 def numbers_of(index, found):
-    """Rows to look up: those that were found, and for all other lanes one of them (0 if there is none)."""
+    """Row to look up in each lane; lanes without a hit use the row of the first hit (0 if there is none)."""
     any_found = bits(found)
     other = index[first_bit(any_found)] if any_found != 0 else np.int32(0)
     return select(found, index, other)
@@ -70,34 +67,24 @@ def store3(a, i, n, x):
     store(a, 2 * n + i, x[2])
 
 
-@inlined
-def blend(a, b, c, u, v):
-    """(1 - u - v) a + u b + v c, as a + (u (b - a) + v (c - a)): most roundings are of numbers no larger than edges."""
-    return a + (u * (b - a) + v * (c - a))
+class SurfacePoint(NamedTuple):
+    """Points of hits: lanes."""
+
+    p: tuple  # x, y, z, world units
+    ng: tuple  # x, y, z: unit geometric normal
+    offset: float  # world units: how far along ng a ray must start
 
 
 @inlined
-def blend3(a, b, c, u, v):
-    """``blend`` of vectors."""
-    return blend(a[0], b[0], c[0], u, v), blend(a[1], b[1], c[1], u, v), blend(a[2], b[2], c[2], u, v)
-
-
-@inlined
-def extent(a, b, c):
-    """Largest minus smallest of three."""
-    return maximum(maximum(a, b), c) - minimum(minimum(a, b), c)
-
-
-@inlined
-def point_on(triangles, prim, u, v, eps):
-    """Point, unit geometric normal, and how far along it a ray must start, of hits."""
+def point_on(triangles, prim, u, v, eps) -> SurfacePoint:
+    """Points of hits, their unit geometric normals, and how far along them a ray must start."""
     a, b, c = vector_of(triangles, prim, 12, 0), vector_of(triangles, prim, 12, 3), vector_of(triangles, prim, 12, 6)
     n = vector_of(triangles, prim, 12, 9)
     p = blend3(a, b, c, u, v)
-    x = absolute(n[0]) * (absolute(p[0]) + EXTENTS * extent(a[0], b[0], c[0]))
-    y = absolute(n[1]) * (absolute(p[1]) + EXTENTS * extent(a[1], b[1], c[1]))
-    z = absolute(n[2]) * (absolute(p[2]) + EXTENTS * extent(a[2], b[2], c[2]))
-    return p, n, (x + y + z) * (ROUNDINGS * (0.5 * eps) / (1.0 - ROUNDINGS * (0.5 * eps)))
+    x = absolute(n[0]) * error_scale(p[0], a[0], b[0], c[0])
+    y = absolute(n[1]) * error_scale(p[1], a[1], b[1], c[1])
+    z = absolute(n[2]) * error_scale(p[2], a[2], b[2], c[2])
+    return SurfacePoint(p, n, (x + y + z) * gamma(eps))
 
 
 @inlined
@@ -114,19 +101,19 @@ def spawn(p, n, offset):
 
 
 @kernel
-def surface(shading, normals, d, hits, points):
-    """Points that samples landed on, seen from where they are seen.
+def surface(shading: Shading, normals, d, hits: Hits, points: Points):
+    """Points where samples hit surfaces, with normals on the viewer's side.
 
     Parameters
     ----------
     shading : Shading
     normals : (m * 9,) f array or None
-        Shading normals of the corners of each triangle; None: all flat.
+        Shading normals of the corners of each triangle; None: all surfaces are flat.
     d : (3n,) f array
-        Directions that hit.
+        Directions of the rays that hit.
     hits : Hits
     points : Points
-        Is filled. What can't be lit (nothing hit, refractive, seen from behind) gets offset -1.
+        Output. Samples that cannot be lit (no hit, refractive, seen from behind) get offset -1.
     """
     like = packet(d)
     eps = machine_epsilon(d)

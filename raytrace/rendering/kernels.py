@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from raytrace.accel import query, reorder
-from raytrace.accel.build import FEW, LEAVES, measure
+from raytrace.accel.build import LEAVES, SMALL_MESH, measure
 from raytrace.accel.bvh import BVH
 from raytrace.accel.flatten import flatten
-from raytrace.accel.grow import Part, grow, make_binary, make_scratch
+from raytrace.accel.grow import Subtree, grow, make_binary, make_grow_scratch
 from raytrace.accel.lanes import NODE, PACKET
 from raytrace.accel.layout import make_leaves, make_nodes
 from raytrace.passes.camera import camera_rays, make_view
@@ -41,7 +41,7 @@ class Picture(NamedTuple):
     smooth: bool = False  # normals are interpolated
     refractive: bool = False
     lit: bool = True  # there is a light
-    large: bool = False  # a mesh has more than `FEW` triangles
+    large: bool = False  # a mesh has more than `SMALL_MESH` triangles
     layers: bool = False  # there are layers (AOVs)
     aimed: bool = False  # an error is wanted
 
@@ -50,7 +50,7 @@ def picture_of(
     scene: Scene, plan: Plan, precision: str, sampler: str, *, layers: bool = False, aimed: bool = False
 ) -> Picture:
     """What of a scene's picture decides which kernels it needs."""
-    large = len(scene.mesh.faces) > FEW
+    large = len(scene.mesh.faces) > SMALL_MESH
     return Picture(precision, sampler, plan.smooth, plan.refraction, plan.lights > 0, large, layers, aimed)
 
 
@@ -150,7 +150,7 @@ def tracing(front: Wavefront) -> Iterator[Call]:
 def _building(dtype: np.dtype, triangle: str) -> Iterator[Call]:
     vertices, faces, triangles = np.zeros((3, 3), dtype), np.zeros((1, 3), np.int32), np.zeros((1, 12), dtype)
     tree = make_binary(np.zeros(1, np.int32), np.zeros(16, dtype))
-    yield grow, (tree, 0, NODE, Part(0, 0, 1, 0), make_scratch(dtype))
+    yield grow, (tree, 0, NODE, Subtree(0, 0, 1, 0), make_grow_scratch(dtype))
     kind: Any = LEAVES[triangle]
     nodes, leaves = make_nodes(1, dtype), make_leaves(kind, 1, dtype)
     yield flatten, (tree, nodes, leaves, triangles, np.zeros((1, 3), np.int64), np.zeros(NODE, np.int64))
@@ -159,9 +159,9 @@ def _building(dtype: np.dtype, triangle: str) -> Iterator[Call]:
 
 def _sorting(bvh: BVH) -> Iterator[Call]:
     dtype = bvh.triangles.dtype
-    rays, room = _rays(dtype), reorder.make_room(PACKET, dtype, bvh.work())
-    yield reorder.sort_rays, (rays, 0, bvh.grid, room)
-    yield reorder.changes, (rays, 0, bvh.grid, room)
-    yield reorder.take, (rays, 0, room.numbers[0], room.rays)
-    for values in (room.hits.t, room.hits.prim_id, room.occluded):
-        yield reorder.give_back, (values, 0, room.numbers[0], values)
+    rays, scratch = _rays(dtype), reorder.make_sort_scratch(PACKET, dtype, bvh.work())
+    yield reorder.sort_rays, (rays, 0, bvh.grid, scratch)
+    yield reorder.changes, (rays, 0, bvh.grid, scratch)
+    yield reorder.take, (rays, 0, scratch.numbers[0], scratch.rays)
+    for values in (scratch.hits.t, scratch.hits.prim_id, scratch.occluded):
+        yield reorder.give_back, (values, 0, scratch.numbers[0], values)

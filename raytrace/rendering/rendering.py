@@ -8,7 +8,7 @@ import numpy as np
 
 from raytrace import parallel
 from raytrace.errors import OptionError
-from raytrace.memory import Drawing, check_drawing
+from raytrace.memory import RenderSize, check_render
 from raytrace.passes.film import BINS
 from raytrace.records import Scene
 from raytrace.rendering import adaptive
@@ -117,7 +117,7 @@ def render(
 
         warn_coincident(scene, precision, stacklevel=2)
     job, watcher = Job(scene, settings, window, precision, target), listener_of(progress)
-    check_drawing(_drawing(job, layers, count), trees_of(scene, plan, precision), max_memory)
+    check_render(_drawing(job, layers, count), trees_of(scene, plan, precision), max_memory)
     pixels = window.width * window.height
     early = limit < np.inf or watcher.early(pixels * job.first_spp)
     layout = Tiling(first=1 if early else None)
@@ -131,11 +131,11 @@ def render(
     return run.run(count, limit, layers)
 
 
-def _drawing(job: Job, layers: Sequence[str], threads: int) -> Drawing:
+def _drawing(job: Job, layers: Sequence[str], threads: int) -> RenderSize:
     """What the memory of a picture depends on."""
     pixels, spp = job.window.width * job.window.height, job.settings.spp
     batch = min(threads, -(-pixels * spp // BATCH)) * BATCH
-    return Drawing(pixels, bool(set(layers) - {"samples"}), job.target is not None, min(spp, BINS), batch)
+    return RenderSize(pixels, bool(set(layers) - {"samples"}), job.target is not None, min(spp, BINS), batch)
 
 
 def _cluster_of(client: "Client", job: Job, threads: int | None) -> "Cluster":

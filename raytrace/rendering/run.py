@@ -15,7 +15,7 @@ import raytrace
 from raytrace import parallel
 from raytrace.jit import on_compile
 from raytrace.passes.estimate import MODELS, root_mean
-from raytrace.passes.film import MOST, Frame
+from raytrace.passes.film import MAX_RADIANCE, Frame
 from raytrace.records import Scene, Window
 from raytrace.rendering import adaptive
 from raytrace.rendering.checkpoint import Checkpoint
@@ -268,7 +268,7 @@ class Run:
             "complete": complete,
             "seconds": round(seconds, 4),
         }
-        rgb, stderr = drawn.rgb.reshape(*size, 3), np.minimum(np.sqrt(drawn.variance), MOST).astype(np.float32)
+        rgb, stderr = drawn.rgb.reshape(*size, 3), np.minimum(np.sqrt(drawn.variance), MAX_RADIANCE).astype(np.float32)
         return Render(rgb, stderr.reshape(size), self.layers, stats, provenance, complete, interrupted, self.keep)
 
 

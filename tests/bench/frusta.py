@@ -1,4 +1,4 @@
-"""How far the sides of frusta must be moved out: hard rays that are lost behind them, for several ``ROUNDINGS``."""
+"""How far the sides of frusta must be moved out: hard rays that are lost behind them, by ``FRUSTUM_ROUNDINGS``."""
 
 import json
 import shutil
@@ -12,12 +12,12 @@ import numpy as np
 from harness import ROOT, begin, finish, parser, show, table
 
 import raytrace as rt
-from raytrace.accel.frustum import ROUNDINGS
+from raytrace.accel.frustum import FRUSTUM_ROUNDINGS
 from raytrace.hardcases import tracers
 from raytrace.hardcases.rays import cases
 from raytrace.hardcases.suite import _differs
 
-TRIED = 0.0, 0.125, 0.25, 0.5, 1.0, ROUNDINGS
+TRIED = 0.0, 0.125, 0.25, 0.5, 1.0, FRUSTUM_ROUNDINGS
 
 
 def lost(precision: str) -> dict[str, int]:
@@ -45,7 +45,9 @@ def with_roundings(number: float, precision: str) -> dict[str, int]:
         copy = Path(folder, "raytrace")
         shutil.copytree(ROOT / "raytrace", copy, ignore=shutil.ignore_patterns("__pycache__"))
         source = copy / "accel/frustum.py"
-        changed = source.read_text("utf-8").replace(f"ROUNDINGS = {ROUNDINGS}", f"ROUNDINGS = {number}")
+        changed = source.read_text("utf-8").replace(
+            f"FRUSTUM_ROUNDINGS = {FRUSTUM_ROUNDINGS}", f"FRUSTUM_ROUNDINGS = {number}"
+        )
         source.write_text(changed, "utf-8")
         words = f"import sys; sys.path[:0] = [{folder!r}, {str(Path(__file__).parent)!r}]\n"
         words += f"import json, frusta; frusta.show(json.dumps(frusta.lost({precision!r})))"
@@ -57,7 +59,7 @@ def with_roundings(number: float, precision: str) -> dict[str, int]:
 def main() -> None:
     args, found = parser(__doc__).parse_args(), begin()
     rows = [
-        {"precision": precision, "ROUNDINGS": number} | with_roundings(number, precision)
+        {"precision": precision, "FRUSTUM_ROUNDINGS": number} | with_roundings(number, precision)
         for precision in ("float32", "float64")
         for number in TRIED
     ]
