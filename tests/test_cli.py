@@ -224,7 +224,7 @@ def test_a_time_limit_saves_what_is_finished_and_says_so(library, capsys):
 def test_a_target_that_is_not_reached_is_told(library, capsys):
     library.image.stats["target_reached"], library.image.provenance["spp"] = False, 64
     assert main.main(["box.json", "--target-error", "1e-5", "--spp", "64"]) == 0
-    assert "target error 1e-05 not reached with 64 samples a pixel\n" in capsys.readouterr().err
+    assert "target error 1e-05 not reached with 64 samples per pixel\n" in capsys.readouterr().err
 
 
 def test_an_interrupt_saves_what_is_finished_and_leaves_with_130(library, capsys):

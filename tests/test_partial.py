@@ -138,9 +138,9 @@ def test_before_the_first_pass_is_complete_nothing_is_written(tmp_path, monkeypa
     path = tmp_path / "box.npz"
     assert main.main([*ASK, "-o", str(path), *words]) == 130
     out, err = capsys.readouterr()
-    kept = f"; --resume goes on from {path}.checkpoint" if words else ""
+    kept = f"; --resume continues from {path}.checkpoint" if words else ""
     assert out == ""
-    assert err == f"interrupted before the first pass over the image was complete; nothing was saved{kept}\n"
+    assert err == f"interrupted before the first round of samples was complete; nothing was saved{kept}\n"
     assert not path.exists()
 
 
@@ -150,14 +150,14 @@ def test_time_that_ends_before_the_first_pass_writes_nothing_either(tmp_path, mo
     assert main.main([*ASK, "-o", str(path), "--time-limit", "1e6"]) == 130
     out, err = capsys.readouterr()
     assert (out, list(tmp_path.iterdir())) == ("", [])
-    assert err == "time limit reached before the first pass over the image was complete; nothing was saved\n"
+    assert err == "time limit reached before the first round of samples was complete; nothing was saved\n"
 
 
 def test_a_partial_image_that_cannot_be_written_goes_elsewhere(tmp_path, passes, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     path, failure = deliver(rt.render(studio(), size=(8, 8), spp=2), tmp_path / "gone" / "a.partial.npz", 0.0)
     assert path.name == "a.partial.npz"
-    assert failure.endswith(f"; the picture is in {path}")
+    assert failure.endswith(f"; the image is in {path}")
 
 
 # What is said ---------------------------------------------------------------------------------------------------------
@@ -182,7 +182,7 @@ from raytrace import files
 from raytrace.rendering import run
 from raytrace.cli.main import main
 from raytrace.cli.terminal import ECHO, Reporter
-run.first_pass = lambda spp, seconds: 1
+run.first_round = lambda spp, seconds: 1
 replace = os.replace
 def slowly(*names):  # the image is being written
     if {during}:

@@ -11,7 +11,7 @@ import raytrace as rt
 from raytrace.accel import query
 from raytrace.passes.refraction import refract_rays
 from raytrace.records import Batch, Columns, Hits, Rays
-from raytrace.rendering.wavefront import compile_scene
+from raytrace.rendering.compiled_scene import compile_scene
 from raytrace.scene.plan import make_plan
 from small_scenes import ball, box, glass, look, make_scene
 

@@ -15,7 +15,8 @@ from raytrace.jit import PLAIN
 from raytrace.passes.camera import make_view
 from raytrace.passes.sampling import make_sampler
 from raytrace.records import REFRACTIVE
-from raytrace.rendering.wavefront import Wavefront, compile_scene
+from raytrace.rendering.compiled_scene import compile_scene
+from raytrace.rendering.wavefront import Wavefront
 from raytrace.scene.plan import make_plan
 from shipped_scenes import each_scene
 from small_scenes import Part, ball, glass, make_scene, quad, studio

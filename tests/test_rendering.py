@@ -11,7 +11,7 @@ import pytest
 
 import raytrace as rt
 from raytrace.image.files import srgb_encode
-from raytrace.rendering import run, work_items
+from raytrace.rendering import film_tiles, run
 from raytrace.rendering.progress import Progress
 from small_scenes import Part, glass, look, make_scene, quad, studio
 
@@ -21,7 +21,7 @@ GLASS = ROOT / "scenes" / "cornell-box-glass.json"
 SPHERE = ROOT / "scenes" / "glass-sphere.json"
 SAMPLERS = ["sobol", "stratified", "independent"]
 PRECISIONS = ["float32", "float64"]
-TILE = work_items.TILE
+TILE = film_tiles.TILE
 
 FLOOR = quad((-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1))
 WALL = quad((-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0))
@@ -60,7 +60,7 @@ def test_threads_do_not_change_a_bit(several, sampler, precision):
 def test_tiles_and_batches_do_not_change_a_bit(several, tile, batch, monkeypatch):
     ask = {"size": (70, 45), "spp": 5, "seed": 9}
     before = rt.render(several, **ask)
-    monkeypatch.setattr(work_items, "TILE", tile)
+    monkeypatch.setattr(film_tiles, "TILE", tile)
     monkeypatch.setattr(run, "BATCH", batch)
     assert_same(before, rt.render(several, **ask))
 
@@ -326,7 +326,7 @@ def test_threads_tiles_and_batches_do_not_change_where_samples_go(several, sampl
     one = rt.render(several, threads=1, sampler=sampler, **EDGES)
     assert len(np.unique(one.aov["samples"])) > 3
     assert_same(one, rt.render(several, threads=3, sampler=sampler, **EDGES))
-    monkeypatch.setattr(work_items, "TILE", 8)
+    monkeypatch.setattr(film_tiles, "TILE", 8)
     monkeypatch.setattr(run, "BATCH", 1000)
     assert_same(one, rt.render(several, threads=2, sampler=sampler, **EDGES))
 

@@ -63,8 +63,8 @@ def test_no_tree_is_built_and_no_plan_made_again(subject, monkeypatch):
         raise AssertionError("built again")
 
     monkeypatch.setattr(wavefront, "BVH", forbidden)
-    monkeypatch.setattr("raytrace.rendering.compiled_scenes.compile_scene", forbidden)
-    monkeypatch.setattr("raytrace.rendering.compiled_scenes.make_plan", forbidden)
+    monkeypatch.setattr("raytrace.rendering.compiled_scene.compile_scene", forbidden)
+    monkeypatch.setattr("raytrace.rendering.compiled_scene.make_plan", forbidden)
     scene = changed(subject, Knobs(30, 10, 0.7, 5, {"pane": 0.9}, 1))
     assert rt.render(scene).complete
 

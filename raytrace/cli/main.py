@@ -51,7 +51,7 @@ def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _lo
     say = (lambda _line: None) if args.quiet else streams.say
     with signals_interrupt(ECHO) as signals, without_scene_warnings():  # printed here, with the place in the file
         scene = load(args)
-        from raytrace.cli.delivery import checkpoint_of, connected, deliver, nothing, place_of, remarks
+        from raytrace.cli.delivery import checkpoint_of, connected, deliver, nothing, path_of, remarks
         from raytrace.scene.checks import warnings_of
 
         for warning in warnings_of(scene, args.precision):
@@ -65,7 +65,7 @@ def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _lo
             streams.say(nothing(image))
             return INTERRUPTED
         with signals.held():  # what is drawn is written
-            place = place_of(image, path)
+            place = path_of(image, path)
             written, failure = deliver(image, place, args.exposure)
             seconds = time.perf_counter() - began
             for line in remarks(image, reporter.last, seconds, args.target_error):

@@ -9,7 +9,7 @@ from raytrace.accel.bvh import BVH
 from raytrace.accel.grow import MAX_DEPTH
 from raytrace.accel.layout import boxes_of, children_of, triangles_of
 from raytrace.records import Tree, View
-from raytrace.rendering.options import within
+from raytrace.rendering.rendering import within
 from raytrace.show.drawing import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, YELLOW, Drawing, sheet, show_picture
 from raytrace.show.scene_rays import LABELS, AnyScene, Subject, directions_through, make_subject, pixel_centres, tree_of
 

@@ -50,8 +50,9 @@ from raytrace.rendering.kernels import tracing
 from raytrace.scene.plan import make_plan
 from raytrace.passes.camera import make_view
 from raytrace.passes.sampling import make_sampler
-from raytrace.rendering.wavefront import Wavefront, compile_scene
-from raytrace.rendering.compiled_scenes import set_compiled
+from raytrace.rendering.compiled_scene import compile_scene
+from raytrace.rendering.wavefront import Wavefront
+from raytrace.rendering.compiled_scene import set_compiled
 stage = compile_scene(scene, make_plan(scene), "float32")
 set_compiled(scene, stage)
 step("plan and trees")
