@@ -382,7 +382,7 @@ def test_a_signal_to_end_saves_what_is_finished_and_says_how_to_go_on(undisturbe
     assert (process.returncode, out) == (130, f"{path}\n")
     assert f"interrupted at 8 of 256 samples per pixel; --resume continues from {path}.checkpoint\n" in said
     assert np.array_equal(np.load(path)["rgb"], rt.render(BOX, size=(256, 256), spp=8).rgb)
-    assert " finished parts\n" in finish(path, undisturbed)
+    assert " finished work items\n" in finish(path, undisturbed)
 
 
 @posix

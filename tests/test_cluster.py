@@ -349,7 +349,7 @@ def test_a_worker_without_memory_is_told(scene, monkeypatch):
 
 def test_ctrl_c_cancels_what_is_under_way(scene, pair, monkeypatch):
     ask = {"size": (256, 256), "spp": 16}
-    monkeypatch.setattr(run, "first_pass", lambda spp, seconds: 2)
+    monkeypatch.setattr(run, "first_round", lambda spp, seconds: 2)
     part = rt.render(scene, client=pair.client, progress=interrupt_in_the_last_pass, **ask)
     assert (part.complete, part.interrupted) == (False, True)
     assert (part.aov["samples"] == part.provenance["samples"]).all()

@@ -40,7 +40,7 @@ def handlers():
 @pytest.fixture
 def passes(monkeypatch):
     """The film is drawn in passes, however quick the machine is."""
-    monkeypatch.setattr(run, "first_pass", lambda spp, seconds: 1)
+    monkeypatch.setattr(run, "first_round", lambda spp, seconds: 1)
 
 
 @pytest.fixture
@@ -91,7 +91,7 @@ def test_a_partial_image_goes_beside_a_file_that_is_there(tmp_path, interrupted,
         out, err = capsys.readouterr()
         assert out == f"{partial}\n"
         last = err.splitlines()[-1]
-        assert last == f"{path} exists and is left as it is; the partial image is in {partial}"
+        assert last == f"{path} exists and is not replaced; the incomplete image is in {partial}"
         assert path.read_bytes() == b"a finished image"
         assert samples(partial) >= 1
     assert {each.name for each in tmp_path.iterdir()} == {path.name, partial.name}
@@ -105,7 +105,7 @@ def test_a_time_limit_leaves_a_file_that_is_there_too(tmp_path, passes, monkeypa
     assert main.main([*ASK, "--threads", "1", "--time-limit", "1e6", "--quiet", "-o", str(path)]) == 0
     out, err = capsys.readouterr()
     assert out == f"{tmp_path / 'box.partial.npz'}\n"
-    assert err == f"{path} exists and is left as it is; the partial image is in {tmp_path / 'box.partial.npz'}\n"
+    assert err == f"{path} exists and is not replaced; the incomplete image is in {tmp_path / 'box.partial.npz'}\n"
     assert path.read_bytes() == b"a finished image"
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import sys
 import threading
 import tracemalloc
 from pathlib import Path
@@ -403,3 +404,38 @@ def test_memory_does_not_grow_with_samples(box):
     few, many = peak(8), peak(64)
     assert many < 1.1 * few
     assert many < 256 * 256 * 64 * 12 / 2  # the radiance of all samples alone would be 50 MB
+
+
+# How far one has to read ----------------------------------------------------------------------------------------------
+
+FEW_MODULES = 12  # outside the packages of the algorithm
+
+
+def modules_run_by(call):
+    """Modules of the package, outside ``accel``, ``passes`` and ``scene``, whose functions a call runs."""
+    package, seen = Path(rt.__file__).parent, set()
+
+    def profile(frame, event, _arg):
+        if event == "call":
+            seen.add(frame.f_code.co_filename)
+
+    threading.setprofile(profile)
+    sys.setprofile(profile)
+    try:
+        call()
+    finally:
+        sys.setprofile(None)
+        threading.setprofile(None)
+    inside = {Path(name).relative_to(package) for name in seen if Path(name).is_relative_to(package)}
+    return sorted(str(path) for path in inside if path.parts[0] not in ("accel", "passes", "scene"))
+
+
+@pytest.mark.parametrize("path", [BOX, GLASS], ids=lambda path: path.stem)
+def test_a_render_runs_few_modules(path):
+    scene = rt.load(path)
+    rt.render(scene)  # kernels are ready
+    again = modules_run_by(lambda: rt.render(scene))
+    assert len(again) <= FEW_MODULES, again
+    fresh = rt.load(path)
+    first = modules_run_by(lambda: rt.render(fresh))
+    assert len(first) <= FEW_MODULES, first

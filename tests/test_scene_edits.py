@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace.rendering import wavefront
 from raytrace.scene.fingerprint import fingerprint
 from raytrace.show.scene_edits import Knobs, changed, refractive
 from raytrace.show.scene_rays import make_subject
@@ -62,7 +61,7 @@ def test_no_tree_is_built_and_no_plan_made_again(subject, monkeypatch):
     def forbidden(*_arguments):
         raise AssertionError("built again")
 
-    monkeypatch.setattr(wavefront, "BVH", forbidden)
+    monkeypatch.setattr("raytrace.rendering.compiled_scene.BVH", forbidden)
     monkeypatch.setattr("raytrace.rendering.compiled_scene.compile_scene", forbidden)
     monkeypatch.setattr("raytrace.rendering.compiled_scene.make_plan", forbidden)
     scene = changed(subject, Knobs(30, 10, 0.7, 5, {"pane": 0.9}, 1))
