@@ -179,12 +179,8 @@ def _image_options(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("-o", "--output", type=Path, metavar="FILE", help=".png, .exr or .npz (default: ./<scene>.png)")
     add("--spp", type=whole_number(1), metavar="N", help="samples per pixel (default: the scene's)")
-    add(
-        "--size",
-        type=whole_numbers("WxH", "x", (1, 1)),
-        metavar="WxH",
-        help="image size in pixels (default: the scene's)",
-    )
+    size = whole_numbers("WxH", "x", (1, 1))
+    add("--size", type=size, metavar="WxH", help="image size in pixels (default: the scene's)")
     window = whole_numbers("X,Y,W,H", ",", (0, 0, 1, 1))
     add("--crop", type=window, metavar="X,Y,W,H", help="render only W x H pixels, from column X and row Y")
     add("--seed", type=whole_number(0, 2**32 - 1), metavar="N", help="random seed (default: the scene's)")
@@ -194,28 +190,15 @@ def _image_options(parser: ArgumentParser) -> None:
     add("--threads", type=whole_number(1, 4096), metavar="N", help="number of threads (default: one per core)")
     text = "render on the Dask cluster at this address, such as tcp://host:8786"
     add("--cluster", metavar="ADDRESS", help=text)
-    add(
-        "--time-limit",
-        type=real_number(1e-3, 1e9),
-        metavar="SECONDS",
-        help="stop after this time and save the image so far",
-    )
-    add(
-        "--target-error",
-        type=real_number(1e-6, 0.999),
-        metavar="E",
-        help="adaptive sampling to this RMSE (sRGB, 0..1), with at most --spp samples",
-    )
+    text = "stop after this time and save the image so far"
+    add("--time-limit", type=real_number(1e-3, 1e9), metavar="SECONDS", help=text)
+    text = "adaptive sampling to this RMSE (sRGB, 0..1), with at most --spp samples"
+    add("--target-error", type=real_number(1e-6, 0.999), metavar="E", help=text)
     text = "resume from <output>.checkpoint if it exists; otherwise create it"
     add("--resume", action="store_true", help=text)
     add("--aov", type=layers, default=(), metavar="A,B", help=f"layers to save in an .exr or .npz: {', '.join(LAYERS)}")
-    add(
-        "--exposure",
-        type=real_number(-100, 100),
-        default=0.0,
-        metavar="STOPS",
-        help="of a .png: multiply radiance by 2^STOPS",
-    )
+    text = "of a .png: multiply radiance by 2^STOPS"
+    add("--exposure", type=real_number(-100, 100), default=0.0, metavar="STOPS", help=text)
     add("--quiet", action="store_true", help="no progress and no messages, only errors")
     add("--json", action="store_true", help="print one JSON object: path, seconds, statistics")
 
@@ -244,16 +227,6 @@ def report_options(parser: ArgumentParser) -> None:
     add("--hard-cases", action="store_true", help="instead of a scene, test rays that break ray tracers")
     add("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the report")
     add("--reference", type=Path, metavar="FILE", help="reference image, .exr or .npz (default: rendered, and kept)")
-    add(
-        "--budget",
-        type=real_number(1, 1e9),
-        default=60.0,
-        metavar="SECONDS",
-        help="time for the measurements (default: 60)",
-    )
-    add(
-        "--size",
-        type=whole_numbers("WxH", "x", (1, 1)),
-        metavar="WxH",
-        help="image size in pixels (default: the scene's)",
-    )
+    add("--budget", type=real_number(1, 1e9), default=60.0, metavar="SECONDS", help="measuring time (default: 60)")
+    size = whole_numbers("WxH", "x", (1, 1))
+    add("--size", type=size, metavar="WxH", help="image size in pixels (default: the scene's)")

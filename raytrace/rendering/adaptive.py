@@ -13,9 +13,7 @@ from raytrace.rendering.film_tiles import WorkItem, grown, inverse
 FIRST = 4  # samples of every pixel before any decision
 CAP = 4096  # most samples of a pixel by default
 LEAP = 2  # most doublings of a pixel's samples in one round
-LUCK = (
-    0.5  # weight of the neighbours' prediction, in contrasts: a pixel's own contrasts alone are too often small by luck
-)
+LUCK = 0.5  # weight of the neighbours' prediction, in contrasts: a pixel's own are too often small by luck
 EDGE = 0.2  # predicted variance of one sample over the squared difference of the neighbours; measured
 AIM = 0.9  # of the squared error that is allowed: missing the target by a little would cost one more round
 MEMORY = 7.0  # cap on the weight of past rounds, in contrasts; one round adds three
@@ -57,9 +55,7 @@ class AdaptiveSampler:
         self._image, self._edges = np.zeros((3, size)), np.zeros((3, size))
         self._samples = np.zeros(len(at), np.int32)
         self._scale, self._weight = np.zeros((2, len(at)))  # error ~ scale samples^-order; its weight, in contrasts
-        self._terms = np.zeros(
-            (3, len(at) + PACKET)
-        )  # of the error: the pixel's own, and factors of neighbours' differences
+        self._terms = np.zeros((3, len(at) + PACKET))  # the pixel's own error, and factors of neighbours' differences
         self._error = np.zeros(len(at) + PACKET)
         self._new: NDArray[np.int64] | slice = np.s_[:]
 
@@ -168,15 +164,14 @@ def choose(
     met = np.flatnonzero(taken * middle**share + rest <= budget)
     last = max(int(met[0]) - 1, 0) if len(met) else len(sums) - 1
     level = (max(budget - rest[last], np.finfo(float).tiny) / taken[last]) ** (1 / share)
-    often = level * 2.0 ** (
-        (order + 1) * (np.arange(LEAP) + 0.5)
-    )  # above these ratios, n is nearer to one more doubling
+    # above the k-th of these ratios, n is nearer to k + 1 doublings
+    limits = level * 2.0 ** ((order + 1) * (np.arange(LEAP) + 0.5))
     enough = np.flatnonzero(2.0**-order * np.cumsum(sums) + rest <= budget)
     first = float(lowest[enough[0]]) if len(enough) else 0.0
-    often = np.maximum(often, first)
-    if often[0] > ratio.max():
-        often[0] = first
+    limits = np.maximum(limits, first)
+    if limits[0] > ratio.max():
+        limits[0] = first
     doublings = np.zeros(len(error), np.int32)
-    for least_ratio in often:
+    for least_ratio in limits:
         doublings += able & (ratio >= least_ratio)
     return doublings

@@ -20,12 +20,12 @@ def is_one(title: Any, mine: dict[str, Any]) -> bool:
     mine : dict
         Title of the image that is rendered.
     """
-    picture = title.get("picture") if isinstance(title, dict) else None
-    if not isinstance(picture, dict) or any(type(picture.get(key)) is not kind for key, kind in ALWAYS.items()):
+    image = title.get("picture") if isinstance(title, dict) else None
+    if not isinstance(image, dict) or any(type(image.get(key)) is not kind for key, kind in ALWAYS.items()):
         return False
-    if any(picture[key] != mine[key] for key in ("format", "raytrace", "sources")):
+    if any(image[key] != mine[key] for key in ("format", "raytrace", "sources")):
         return True
-    return picture.keys() == mine.keys() and all(_alike(picture[key], mine[key]) for key in mine)
+    return image.keys() == mine.keys() and all(_alike(image[key], mine[key]) for key in mine)
 
 
 def _alike(value: Any, other: Any) -> bool:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from raytrace.errors import OptionError
 from raytrace.parallel import POLL
-from raytrace.rendering.cluster_worker import Drawn, Order, Refusal, draw, share
+from raytrace.rendering.cluster_worker import Order, Refusal, Rendered, draw, share
 from raytrace.rendering.film_tiles import FilmTile, WorkItem
 from raytrace.rendering.job import Job, Tiling, build
 
@@ -262,7 +262,7 @@ class Cluster:
 
     def _gather(
         self, running: dict["Future", Numbered], finished: "SimpleQueue[Future]"
-    ) -> Iterator[tuple[Numbered, Drawn | Refusal]]:
+    ) -> Iterator[tuple[Numbered, Rendered | Refusal]]:
         """Yield the items that have finished, after waiting up to `POLL` seconds for one."""
         futures = []
         with contextlib.suppress(Empty):
@@ -272,10 +272,10 @@ class Cluster:
         for future, result in zip(futures, self._client.gather(futures), strict=True):
             yield running.pop(future), result
 
-    def _count(self, drawn: Drawn) -> None:
+    def _count(self, result: Rendered) -> None:
         """Add the rays and seconds of a worker to the totals."""
-        self._rays.update(drawn.rays)
-        for name, seconds in drawn.seconds.items():
+        self._rays.update(result.rays)
+        for name, seconds in result.seconds.items():
             self._seconds[name] = self._seconds.get(name, 0.0) + seconds
 
     def _refuse(self, refusal: Refusal) -> None:

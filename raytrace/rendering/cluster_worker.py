@@ -32,7 +32,7 @@ class Order(NamedTuple):
     precision: str
 
 
-class Drawn(NamedTuple):
+class Rendered(NamedTuple):
     """The result of a work item."""
 
     sums: NDArray[np.float64]  # (12, n) of the pixels
@@ -56,7 +56,7 @@ def share(scene: bytes) -> bytes:
     return scene
 
 
-def draw(caller: str, *work: Any) -> Drawn | Refusal:
+def draw(caller: str, *work: Any) -> Rendered | Refusal:
     """Render a work item for a caller that has the same version of raytrace."""
     if caller != build():
         from distributed import get_worker
@@ -65,7 +65,7 @@ def draw(caller: str, *work: Any) -> Drawn | Refusal:
     return _draw(*work)
 
 
-def _draw(scene: bytes, order: Order, x: Any, y: Any, samples: tuple[int, int], sums: Any) -> Drawn:
+def _draw(scene: bytes, order: Order, x: Any, y: Any, samples: tuple[int, int], sums: Any) -> Rendered:
     threads = _threads_of(scene, order)
     rays, seconds = threads.mine()
     tile = blank(np.array(x), np.array(y))  # copies: arrays from the network may be unaligned or read-only
@@ -75,7 +75,7 @@ def _draw(scene: bytes, order: Order, x: Any, y: Any, samples: tuple[int, int], 
         threads.draw(FilmTile(tile.x[piece], tile.y[piece], tile.film, piece.start), *samples)
     rays_after, seconds_after = threads.mine()
     spent = {name: after - seconds.get(name, 0.0) for name, after in seconds_after.items()}
-    return Drawn(tile.sums, rays_after - rays, spent)
+    return Rendered(tile.sums, rays_after - rays, spent)
 
 
 def _threads_of(scene: bytes, order: Order) -> RenderThreads:

@@ -52,7 +52,7 @@ class NotebookPreview(Preview):
     def _show(self, progress: Progress) -> None:
         if progress.stage == "rendering":
             caption = f"rendering: {self.samples.mean():.3g} samples per pixel, {speed(progress)}"
-            data = b64encode(png.encode(self.picture(SIDE), {}, QUICK)).decode()
+            data = b64encode(png.encode(self.image(SIDE), {}, QUICK)).decode()
             self._say(caption, f'<img alt="" width="{self.window.width}" src="data:image/png;base64,{data}">')
         elif progress.stage == "compiling":
             self._say(f"compiling kernels (first run only): {progress.done} of {progress.total}")

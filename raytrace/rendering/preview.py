@@ -46,7 +46,7 @@ class Preview(ProgressListener):
         """Whether every pixel has been rendered at least once."""
         return not self._blank.any()
 
-    def picture(self, side: int) -> NDArray[np.uint8]:
+    def image(self, side: int) -> NDArray[np.uint8]:
         """Return the image so far, sRGB, (h, w, 3); black where nothing is rendered.
 
         If a side has more than ``side`` pixels, only every second, third, ... pixel is returned.

@@ -107,7 +107,7 @@ class _Easel(Preview):
         if self._next and self._artist.stale():  # the first frame is worth its while: a hand that moves needs some
             raise _Stale
         if time.perf_counter() >= self._next and self.whole():
-            self._artist.send(self.picture(MAX_SIDE), float(self.samples.mean()))
+            self._artist.send(self.image(MAX_SIDE), float(self.samples.mean()))
             if self._artist.stale(self._wait):
                 raise _Stale
             self._next, self._wait = time.perf_counter() + PAUSE, 0.0
