@@ -303,11 +303,11 @@ from raytrace.rendering.threads import RenderThreads
 checkpoint.EVERY, checkpoint.SHARE = 0.0, 1e9
 run.first_round = lambda spp, seconds: 1  # the film is drawn in passes, however quick the machine is
 draw, parts = RenderThreads.draw, itertools.count()
-def draw_or_wait(crew, sheet, first, last, over=lambda: False):
+def draw_or_wait(workers, tile, first, last, over=lambda: False):
     if next(parts) >= int(os.environ.get("PARTS", 1 << 30)):
         while not over() and not os.path.exists(os.environ["GATE"]):
             time.sleep(0.01)
-    return draw(crew, sheet, first, last, over)
+    return draw(workers, tile, first, last, over)
 RenderThreads.draw = draw_or_wait
 sys.exit(main())
 """

@@ -48,11 +48,11 @@ def interrupted(passes, monkeypatch):
     """Ctrl-C comes after the first pass, and before the fourth."""
     draw = RenderThreads.draw
 
-    def draw_or_wait(crew, sheet, first, last, over=lambda: True):  # without: to see how long it takes
-        crew.parts = getattr(crew, "parts", 0) + 1
-        while crew.parts > 4 * FIRST and not over():
+    def draw_or_wait(workers, tile, first, last, over=lambda: True):  # without: to see how long it takes
+        workers.parts = getattr(workers, "parts", 0) + 1
+        while workers.parts > 4 * FIRST and not over():
             time.sleep(0.01)
-        return draw(crew, sheet, first, last, over)
+        return draw(workers, tile, first, last, over)
 
     monkeypatch.setattr(RenderThreads, "draw", draw_or_wait)
 

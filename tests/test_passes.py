@@ -47,14 +47,14 @@ def ended_at(monkeypatch, part, act):
     """Have something done before a part is drawn; the part before it is drawn but half."""
     draw, drawn = RenderThreads.draw, itertools.count()
 
-    def drawing(crew, sheet, first, last, over=lambda: False):
+    def drawing(workers, tile, first, last, over=lambda: False):
         k = next(drawn)
         if k == part - 1:
             last = max(first, (first + last) // 2)
         if k >= part:
             act()
             return first
-        return draw(crew, sheet, first, last, over)
+        return draw(workers, tile, first, last, over)
 
     monkeypatch.setattr(RenderThreads, "draw", drawing)
 
@@ -264,11 +264,11 @@ def test_nothing_is_drawn_to_see_how_long_a_small_image_takes(scene, monkeypatch
 def test_no_more_samples_are_drawn_for_that_than_there_are(scene, monkeypatch, spp):
     ranges, draw = [], RenderThreads.draw
 
-    def drawing(crew, sheet, first, last, over=None):
+    def drawing(workers, tile, first, last, over=None):
         if over is None:
             ranges.append((first, last))
-            return draw(crew, sheet, first, last)
-        return draw(crew, sheet, first, last, over)
+            return draw(workers, tile, first, last)
+        return draw(workers, tile, first, last, over)
 
     monkeypatch.setattr(RenderThreads, "draw", drawing)
     monkeypatch.setattr(threads, "LEAST", 1)
@@ -294,7 +294,7 @@ def test_passes_take_no_more_memory_for_samples_in_flight(scene, monkeypatch):
     fronts = []
     monkeypatch.setattr(run, "first_round", lambda spp, seconds: 1)
     rest = RenderThreads.rest
-    monkeypatch.setattr(RenderThreads, "rest", lambda crew: (rest(crew), fronts.append(len(crew._wavefronts))))
+    monkeypatch.setattr(RenderThreads, "rest", lambda workers: (rest(workers), fronts.append(len(workers._wavefronts))))
     rt.render(scene, size=SIZE, spp=256, threads=2)
     assert len(fronts) == len(rounds(256, 1, film_tiles.LEAP)) > 4
     assert fronts[-1] <= 3  # of the caller's thread, and of two others; each pass has new threads
