@@ -1,7 +1,7 @@
-"""A reference ray tracer in NumPy and Numba: right, fast, lean, and open to look at.
+"""A reference ray tracer in NumPy and Numba: correct, fast, small, and easy to inspect.
 
-``render`` draws a scene, ``BVH`` answers rays, ``explain`` says what a scene needs, ``compare`` measures pictures.
-Names are imported when they are first used, so that ``import raytrace`` costs next to nothing.
+``render`` renders a scene, ``BVH`` traces rays, ``explain`` shows what a scene needs, ``compare`` compares images. Each
+name is imported on first use, so that ``import raytrace`` is quick.
 """
 
 from importlib import import_module

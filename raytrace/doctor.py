@@ -1,4 +1,4 @@
-"""What this machine offers: versions, processor, kernel cache and optional packages."""
+"""Facts for a bug report: versions, processor, kernel cache and optional packages."""
 
 import math
 import os
@@ -14,7 +14,11 @@ from raytrace import cores
 from raytrace.errors import FileError
 
 REQUIRED = ("numpy", "numba", "llvmlite", "pydantic", "pillow", "platformdirs", "rich")
-OPTIONAL = {"OpenEXR": "EXR files", "scikit-image": "compare, report", "matplotlib": "report, rt.show"}  # what for
+OPTIONAL = {
+    "OpenEXR": "EXR files",
+    "scikit-image": "compare, report",
+    "matplotlib": "report, rt.show",
+}  # package -> what needs it
 
 
 def _version(package: str) -> str | None:
@@ -31,14 +35,14 @@ def _cores() -> str:
 
 
 def _writable(folder: Path) -> bool:
-    """Whether a kernel can be written to the folder, or to where it would be made."""
+    """Whether a kernel can be written to the folder, or the folder can be created."""
     from raytrace.native.private_files import probe
 
     return not probe(folder)
 
 
 def _cache(folder: Path, count: int) -> str:
-    """What can be done with a folder of kernels, its mode and its owner."""
+    """Describe a folder of kernels: mode, owner, and whether it can be used."""
     from raytrace.native import private_files
 
     mode = ""
@@ -50,7 +54,7 @@ def _cache(folder: Path, count: int) -> str:
     if not (reason := private_files.probe(folder)):
         return f"{mode}writable"
     if count:
-        return f"{mode}read-only: {reason}; what it lacks, every process compiles"
+        return f"{mode}read-only: {reason}; every process compiles the kernels that are missing in it"
     return f"{mode}NOT writable: {reason}; every process compiles its kernels"
 
 
@@ -70,7 +74,7 @@ def _kernels() -> Iterator[tuple[str, str]]:
         names = os.listdir(folder) if os.path.isdir(folder) else []
     except FileError as error:
         yield "cache", f"none: {error}"
-    except OSError as error:  # it may not be looked into
+    except OSError as error:  # no permission to list it
         yield "cache", f"{folder} ({error.strerror})"
     else:
         count = sum(name.endswith(SUFFIX) for name in names)
@@ -79,7 +83,7 @@ def _kernels() -> Iterator[tuple[str, str]]:
 
 
 def findings() -> Iterator[tuple[str, str]]:
-    """List what matters for a bug report.
+    """List the facts for a bug report.
 
     Yields
     ------

@@ -1,4 +1,4 @@
-"""The mistakes a user can make, each with the exit code that the command line gives it; texts that fit in a line."""
+"""Errors that users can cause, each with its exit code of the command line; and text that fits on one line."""
 
 import warnings
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from typing import Any
 
 
 class RaytraceError(Exception):
-    """Base of every error that is the user's to mend; its text is the whole message, one line a problem."""
+    """Base of all errors that a user can fix; its text is the whole message, one line per problem."""
 
     exit_code = 1
 
@@ -18,7 +18,7 @@ class SceneError(RaytraceError, ValueError):
     Parameters
     ----------
     problems : list of str
-        One line a problem: ``file:line:column: path: what is wrong, and the fix``.
+        One line per problem: ``file:line:column: path: what is wrong, and the fix``.
     """
 
     exit_code = 3
@@ -35,21 +35,21 @@ class FileError(RaytraceError, OSError):
 
 
 class OptionError(RaytraceError, ValueError):
-    """An option of a call or of the command line that can't be met: ``option: what is wrong``."""
+    """An option of a call or of the command line that is not allowed: ``option: what is wrong``."""
 
     exit_code = 2
 
 
 class MemoryLimitError(OptionError):
-    """More memory than there is: ``memory: what takes how much, and what to change``."""
+    """Not enough memory: ``memory: what needs how much, and what to change``."""
 
 
 class FileMemoryError(MemoryLimitError, FileError):
-    """A file that takes more memory to read than there is. It has the exit code of every lack of memory."""
+    """Not enough memory to read a file; with the exit code of ``MemoryLimitError``."""
 
 
 class SceneWarning(UserWarning):
-    """A scene that is legal, but whose image is probably not what was meant: two of its surfaces coincide, say."""
+    """A scene that is valid, but whose image is probably not as intended, for example because surfaces coincide."""
 
 
 @contextmanager
@@ -61,7 +61,7 @@ def without_scene_warnings() -> Iterator[None]:
 
 
 def shortened(text: str, most: int = 60) -> str:
-    """Cut a text that is long.
+    """Shorten a long text.
 
     Examples
     --------
@@ -72,7 +72,7 @@ def shortened(text: str, most: int = 60) -> str:
 
 
 def printable(text: Any) -> str:
-    r"""Write what can't be printed in one line as escapes, so that a terminal obeys no text.
+    r"""Escape everything that can't be printed on one line, so that no text can control a terminal.
 
     Examples
     --------

@@ -1,6 +1,7 @@
-"""Files opened for reading, if they are regular ones: a FIFO hangs, a device or a file of ``/proc`` may never end.
+"""Safe reading and writing of files.
 
-And files that are written whole, or not at all.
+Only regular files are opened for reading: a FIFO can block, and a device or a file of ``/proc`` may have no end. Files
+are written completely or not at all.
 """
 
 import contextlib
@@ -8,13 +9,15 @@ import errno
 import os
 import stat
 import time
+from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
 from raytrace.errors import FileError, printable
 
-VIRTUAL = ("/proc", "/sys", "/dev")  # their files are made as they are read, of no size that is known
-ORDINARY = "/dev/shm"  # but for this: files in memory
+VIRTUAL = ("/proc", "/sys", "/dev")  # their files are generated while they are read, and have no known size
+ORDINARY = "/dev/shm"  # the exception: files in memory
 KINDS = {
     stat.S_IFIFO: "a FIFO",
     stat.S_IFSOCK: "a socket",
@@ -22,35 +25,35 @@ KINDS = {
     stat.S_IFBLK: "a block device",
 }
 
-HELD = 5, 32  # errors of Windows: access denied, sharing violation; so it is while a virus scanner reads a new file
-PATIENCE = 2.0  # seconds until such a file is given up
+HELD = 5, 32  # Windows errors while a virus scanner reads a new file: access denied, sharing violation
+PATIENCE = 2.5  # seconds to try again
 PAUSE = 0.05  # seconds between two attempts
 
-unfinished: set[Path] = set()  # temporary files that are being written: to delete where the process ends at once
+unfinished: set[Path] = set()  # temporary files that are being written; deleted if the process ends at once
 
 
 def open_regular(path: str | os.PathLike[str], what: str = "a file") -> BinaryIO:
-    """Open a regular file for reading; nothing is waited for, and no device is touched.
+    """Open a regular file for reading, without blocking and without opening a device.
 
     Parameters
     ----------
     path : path
-        Links are followed.
+        Symbolic links are followed.
     what : str
-        What the path should name, for the message: "a mesh file".
+        The expected kind of file, for the message, such as "a mesh file".
 
     Returns
     -------
     stream : binary file
-        Buffered. `os.fstat` of it gives the size of the very file that is read.
+        Buffered. `os.fstat` of it gives the size of exactly this file.
 
     Raises
     ------
     FileError
-        It is a directory, a FIFO, a device, a socket or a virtual file; checked before it is opened, and of the file
-        that was opened.
+        The path is a directory, a FIFO, a device, a socket or a virtual file. This is checked before opening, and again
+        for the opened file.
     OSError
-        The system can't open it; for callers to explain.
+        The system can't open the file; the caller explains it.
 
     Examples
     --------
@@ -76,16 +79,16 @@ def check_regular(path: str | os.PathLike[str], what: str = "a file") -> None:
     """Check that a path names a regular file, without opening it; raises as `open_regular` does."""
     try:
         mode = os.stat(path).st_mode
-    except ValueError:  # a null character
+    except ValueError:  # the path has a null character
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), os.fspath(path)) from None
     _check(path, mode, os.path.realpath(path), what)
 
 
 def _place(path: str | os.PathLike[str], descriptor: int) -> str:
-    """Where an open file lies: a link may lead elsewhere by now."""
+    """Path of an open file; a symbolic link may have changed since."""
     try:
         return os.readlink(f"/proc/self/fd/{descriptor}")
-    except OSError:  # no Linux
+    except OSError:  # not on Linux
         return os.path.realpath(path)
 
 
@@ -101,42 +104,58 @@ def _check(path: str | os.PathLike[str], mode: int, place: str, what: str) -> No
 
 
 def write_whole(path: Path, *contents: bytes) -> None:
-    """Write a file, which appears with all its content, or not at all; an older one is replaced.
+    """Write a file, which appears with all its content or not at all; an existing file is replaced.
 
     Parameters
     ----------
     path : Path
     *contents : bytes
-        Are written one after the other.
+        Written one after the other.
 
     Raises
     ------
     FileError
         The file can't be written.
+    """
+    try:
+        replace_whole(path, contents)
+    except OSError as error:
+        raise FileError(f"{printable(str(path))}: can't be written: {error.strerror}") from error
+
+
+def replace_whole(path: Path, contents: Iterable[bytes], mode: int | None = None) -> None:
+    """Write a file as `write_whole` does, but raise the system's OSError.
+
+    Parameters
+    ----------
+    path : Path
+    contents : iterable of bytes
+    mode : int, optional
+        Permissions on POSIX, whatever the umask. Default: those of any new file.
 
     Notes
     -----
-    The content goes to a temporary file in the same folder, which then takes the name: others see the old file or the
-    new one, never a part. On Windows that fails while a virus scanner holds one of them; it is tried again for
-    `PATIENCE` seconds.
+    The content goes to a temporary file in the same folder, which is then renamed. So other processes see the old file
+    or the new one, never an incomplete one. On Windows the rename fails while a virus scanner has one of them open; it
+    is tried again for `PATIENCE` seconds.
     """
     temporary = path.with_name(f".{os.urandom(8).hex()}.tmp")
     unfinished.add(temporary)
     try:
-        with open(temporary, "xb") as stream:
+        with open(temporary, "xb", opener=partial(os.open, mode=0o666 if mode is None else mode)) as stream:
             for content in contents:
                 stream.write(content)
-        _put_in_place(temporary, path)
-    except OSError as error:
-        raise FileError(f"{printable(str(path))}: can't be written: {error.strerror}") from error
+        if mode is not None and os.name == "posix":
+            os.chmod(temporary, mode)
+        _rename(temporary, path)
     finally:
-        with contextlib.suppress(OSError):  # in its place already, or never made
+        with contextlib.suppress(OSError):  # already renamed, or never created
             temporary.unlink()
         unfinished.discard(temporary)
 
 
-def _put_in_place(temporary: Path, path: Path) -> None:
-    """Rename a file, again and again while Windows says that it is held."""
+def _rename(temporary: Path, path: Path) -> None:
+    """Rename a file; try again while Windows reports that one of them is in use."""
     end = time.monotonic() + PATIENCE
     while True:
         try:

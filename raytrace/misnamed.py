@@ -1,4 +1,4 @@
-"""Files that are something else than their names say: pointers in place of files, texts in another encoding."""
+"""Files whose content does not match their name: Git LFS pointers, HTML pages, UTF-16 text."""
 
 import re
 
@@ -10,12 +10,12 @@ ENCODED = "UTF-16 text; save it as UTF-8"
 
 
 def mistaken(data: bytes) -> str:
-    r"""Say what a file is that is not what its name says, and the cure; "" where nothing is known against it.
+    r"""Say what a file with a wrong name contains, and what to do; "" if nothing wrong is found.
 
     Parameters
     ----------
     data : bytes
-        Its content, or at least its first 100 bytes.
+        The content of the file, or at least its first 100 bytes.
 
     Examples
     --------
@@ -32,7 +32,7 @@ def mistaken(data: bytes) -> str:
 
 
 def is_utf16(data: bytes) -> bool:
-    r"""Whether a text is in UTF-16 (or UTF-32): by its mark, or because every other byte is zero.
+    r"""Whether a text is in UTF-16 (or UTF-32): it has a byte order mark, or every other byte is zero.
 
     >>> is_utf16("ply\n".encode("utf-16")), is_utf16("ply\nform".encode("utf-16-le")), is_utf16(b"ply\n")
     (True, True, False)

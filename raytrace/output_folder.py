@@ -1,4 +1,4 @@
-"""The folder that a report is written into."""
+"""The output folder of a report."""
 
 import os
 from collections.abc import Mapping
@@ -9,12 +9,12 @@ from raytrace.files import write_whole
 
 
 def check_folder(folder: Path) -> None:
-    """Make a folder, before time is spent on what is to be written there.
+    """Create a folder and check that it is writable, before time is spent on its content.
 
     Raises
     ------
     FileError
-        It can't be made, or written to.
+        The folder can't be created, or is not writable.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -25,7 +25,7 @@ def check_folder(folder: Path) -> None:
 
 
 def write(folder: Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:
-    """Write files by name, each whole or not at all; their paths."""
+    """Write files by name, each completely or not at all; return their paths."""
     for name, data in files.items():
         write_whole(folder / name, data)
     return tuple(folder / name for name in files)

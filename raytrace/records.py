@@ -1,4 +1,4 @@
-"""Every record that crosses a file. Fields give shape, dtype, unit and meaning; f is float32 or float64."""
+"""Records that modules share. Comments give shape, dtype, unit and meaning of each field; f is float32 or float64."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.scene.fingerprint import fingerprint
+
 DIFFUSE, REFRACTIVE = range(2)  # Materials.kind
 
 
@@ -15,13 +17,13 @@ class Camera(NamedTuple):
     """A pinhole camera."""
 
     position: NDArray[np.float64]  # (3,) f8, world units: the pinhole
-    look_at: NDArray[np.float64]  # (3,) f8, world units: seen at the centre of the film
-    up: NDArray[np.float64]  # (3,) f8, any length: its image points to the top of the film
+    look_at: NDArray[np.float64]  # (3,) f8, world units: the point at the centre of the image
+    up: NDArray[np.float64]  # (3,) f8, any length: points to the top of the image
     fov: float  # degrees: full vertical angle
 
 
 class Materials(NamedTuple):
-    """What surfaces are made of, a row a material."""
+    """Materials of surfaces, one row per material."""
 
     name: tuple[str, ...]  # names as in the scene file
     kind: NDArray[np.int8]  # (k,) i1: DIFFUSE or REFRACTIVE
@@ -32,44 +34,44 @@ class Materials(NamedTuple):
 
 
 class Lights(NamedTuple):
-    """Isotropic point lights, a row a light."""
+    """Isotropic point lights, one row per light."""
 
     position: NDArray[np.float64]  # (l, 3) f8, world units
-    flux: NDArray[np.float64]  # (l, 3) f8, W per channel: total over the sphere of directions
+    flux: NDArray[np.float64]  # (l, 3) f8, W per channel: total over all directions
 
 
 class RawMesh(NamedTuple):
-    """The triangles of one mesh file, in its own space."""
+    """The triangles of one mesh file, in its own coordinates."""
 
-    vertices: NDArray[np.float64]  # (v, 3) f8, the file's units; finite where a face uses them
+    vertices: NDArray[np.float64]  # (v, 3) f8, in the file's units; those that a face uses are finite
     faces: NDArray[np.int64]  # (m, 3) i8: rows of vertices, counter-clockwise seen from the front
-    normals: NDArray[np.float64] | None  # (n, 3) f8, any length: the file's normals; None: it has none
-    normal_faces: NDArray[np.int64] | None  # (m, 3) i8: row of normals of each corner, -1: none
-    normals_fault: str = ""  # why the file's normals cannot be used: an error in a smooth mesh, nothing in a flat one
-    warnings: tuple[str, ...] = ()  # what the file has that is probably not what it looks like here
+    normals: NDArray[np.float64] | None  # (n, 3) f8, any length: the file's normals; None if it has none
+    normal_faces: NDArray[np.int64] | None  # (m, 3) i8: row of normals for each corner; -1: none
+    normals_fault: str = ""  # why the normals can't be used: an error in a smooth mesh, ignored in a flat one
+    warnings: tuple[str, ...] = ()  # features of the file that are probably not rendered as intended
 
     @property
     def nbytes(self) -> int:
-        """Bytes of its arrays."""
+        """Size of its arrays in bytes."""
         return sum(array.nbytes for array in self[:4] if array is not None)
 
 
 class Mesh(NamedTuple):
-    """All triangles of a scene in world space, objects one after the other."""
+    """All triangles of a scene in world space, object after object."""
 
     vertices: NDArray[np.float64]  # (v, 3) f8, world units
     faces: NDArray[np.int64]  # (m, 3) i8: rows of vertices, counter-clockwise seen from the front
-    normals: NDArray[np.float64] | None  # (m, 3, 3) f8: unit shading normal of each corner; None: all flat
+    normals: NDArray[np.float64] | None  # (m, 3, 3) f8: unit shading normals of the corners; None: all flat
     material_id: NDArray[np.int32]  # (m,) i4: row of Materials
     object_id: NDArray[np.int32]  # (m,) i4: index into Scene.objects
 
 
 class Settings(NamedTuple):
-    """How a scene asks to be rendered; every one can be overridden by the caller."""
+    """Render settings of a scene; the caller can override each of them."""
 
-    size: tuple[int, int]  # film: (width, height), pixels
+    size: tuple[int, int]  # of the image: (width, height), pixels
     spp: int  # samples per pixel
-    max_depth: int  # most surfaces that a path may meet
+    max_depth: int  # most surfaces that a path can meet
     sampler: str  # "sobol", "stratified" or "independent"
     precision: str  # "auto", "float32" or "float64"
     seed: int  # 0 .. 2**32 - 1
@@ -77,37 +79,29 @@ class Settings(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A checked scene: what ``rt.load`` returns and ``rt.render`` draws."""
+    """A valid scene: ``rt.load`` returns it, and ``rt.render`` renders it."""
 
-    source: Path | None  # the file it came from; None for a dict
-    about: str  # one sentence for people
+    source: Path | None  # its file; None for a dict
+    about: str  # a one-sentence description
     camera: Camera
     settings: Settings
-    background: NDArray[np.float64]  # (3,) f8, radiance of rays that leave the scene
+    background: NDArray[np.float64]  # (3,) f8: radiance of rays that leave the scene
     materials: Materials
     lights: Lights
     mesh: Mesh
-    objects: tuple[str, ...]  # a short name an object, for messages
-    warnings: tuple[str, ...]  # what is legal but probably not meant, a line each
+    objects: tuple[str, ...]  # a short name per object, for messages
+    warnings: tuple[str, ...]  # about valid but probably unintended content, one line each
 
-    @cached_property
-    def sha256(self) -> str:
-        """Hash of what the light does in the scene: camera, depth, background, materials, lights and mesh arrays.
-
-        A scene that ``dataclasses.replace`` makes has a hash of its own.
-        """
-        from raytrace.scene.fingerprint import fingerprint
-
-        return fingerprint(self)
+    sha256 = cached_property(fingerprint)  # computed on first use; a scene from ``dataclasses.replace`` has its own
 
     @property
     def refractive(self) -> bool:
-        """Whether there is a refractive material."""
+        """Whether the scene has a refractive material."""
         return bool((self.materials.kind == REFRACTIVE).any())
 
 
 class Hits(NamedTuple):
-    """Nearest hits, a row a ray: p = (1 - u - v) v0 + u v1 + v v2."""
+    """Nearest hits, one row per ray: p = (1 - u - v) v0 + u v1 + v v2."""
 
     t: NDArray[np.floating]  # (n,) f, units of the ray's direction; inf: a miss
     prim_id: NDArray[np.int32]  # (n,) i4: row of the faces; -1: a miss
@@ -116,7 +110,7 @@ class Hits(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """Points on surfaces, a row a ray; the rows of misses are NaN."""
+    """Points on surfaces, one row per ray; the rows of misses are NaN."""
 
     p: NDArray[np.floating]  # (n, 3) f, world units
     p_error: NDArray[np.floating]  # (n, 3) f, world units: absolute bound on the rounding error of p
@@ -124,7 +118,7 @@ class Surface(NamedTuple):
 
 
 class Nodes(NamedTuple):
-    """A flattened tree of boxes, eight children a node; node 0 is the root. See accel/layout.py."""
+    """A flattened tree of boxes with eight children per node; node 0 is the root. See accel/layout.py."""
 
     bounds: NDArray[np.floating]  # (n * 64,) f, world units: 8 low x, y, z, 8 high x, y, z; then integers
     child: NDArray[np.integer]  # the same memory: a node; ~leaf where negative; 0 (the root is no child) past the last
@@ -138,7 +132,7 @@ class WatertightLeaves(NamedTuple):
 
 
 class MollerTrumboreLeaves(NamedTuple):
-    """The same leaves, for the test of Moller and Trumbore with the course's absolute threshold."""
+    """The same leaves, for the test of Moller and Trumbore with the absolute threshold of the course."""
 
     rows: NDArray[np.floating]
     prim_id: NDArray[np.int32]
@@ -149,7 +143,7 @@ class Columns(NamedTuple):
 
     data: NDArray[np.floating]  # flat f
     start: int
-    row: int  # elements from one ray to the next; 1: neighbours in memory; 0: all rays share it
+    row: int  # elements from one ray to the next; 1: contiguous; 0: all rays share one
     axis: int  # elements from x to y
 
 
@@ -157,32 +151,34 @@ class Rays(NamedTuple):
     """Rays o + t d for t in the open interval (tmin, tmax)."""
 
     o: Columns  # world units
-    d: Columns  # any length: t is in units of it
+    d: Columns  # any length; t is in units of it
     tmin: Columns
     tmax: Columns
 
 
 class Work(NamedTuple):
-    """Scratch memory of one thread of a traversal."""
+    """Scratch memory of one thread for traversals."""
 
-    t: NDArray[np.floating]  # f: where the rays enter a node on the stack
-    child: NDArray[np.int32]  # i4: that node or ~leaf
-    alive: NDArray[np.int32]  # i4: bits of the rays of a packet that enter it
-    lanes: NDArray[np.floating]  # f: what single rays read of a packet and write to it, a row of lanes each number
-    prim_id: NDArray[np.int32]  # i4: a row of lanes
-    counts: NDArray[np.int64]  # (2,) i8: nodes visited, triangles tested (of a packet: once for all its rays)
+    t: NDArray[np.floating]  # f: where the rays enter the nodes on the stack
+    child: NDArray[np.int32]  # i4: these nodes, or ~leaf
+    alive: NDArray[np.int32]  # i4: bit masks of the rays of a packet that enter them
+    lanes: NDArray[
+        np.floating
+    ]  # f: rays of a packet that are traced singly, and their results; one row of lanes per quantity
+    prim_id: NDArray[np.int32]  # i4: one row of lanes
+    counts: NDArray[np.int64]  # (2,) i8: nodes visited, triangles tested (counted once per packet)
 
 
 class Tree(NamedTuple):
-    """What a ray needs of a scene's shape."""
+    """The geometry that rays are traced against."""
 
     nodes: Nodes
     leaves: WatertightLeaves | MollerTrumboreLeaves
-    extent: NDArray[np.floating]  # (7,) f, world units: low x y z and high x y z of all boxes; side of a usual leaf
+    extent: NDArray[np.floating]  # (7,) f, world units: low x y z and high x y z of all boxes; side of a typical leaf
 
 
 class View(NamedTuple):
-    """The camera as kernels use it: film position (x, y) in pixels is seen along forward + x' right + y' down.
+    """The camera for kernels: the ray through (x, y), in pixels, has the direction forward + x' right + y' down.
 
     x' and y' are measured from the centre of the film.
     """
@@ -191,11 +187,11 @@ class View(NamedTuple):
     forward: NDArray[np.floating]  # (3,) f: unit
     right: NDArray[np.floating]  # (3,) f: one pixel to the right, at distance 1
     down: NDArray[np.floating]  # (3,) f: one pixel down, at distance 1
-    centre: NDArray[np.floating]  # (2,) f, pixels: middle of the film
+    centre: NDArray[np.floating]  # (2,) f, pixels: centre of the film
 
 
 class Shading(NamedTuple):
-    """What shading looks up of a surface; flat arrays, a row a triangle or a material."""
+    """Tables for shading: flat arrays with one row per triangle or per material."""
 
     triangles: NDArray[np.floating]  # (m * 12,) f: v0 x y z, v1 x y z, v2 x y z, unit normal x y z
     material_id: NDArray[np.int32]  # (m,) i4
@@ -203,38 +199,42 @@ class Shading(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """One thread's rays in flight, structure of arrays; components one after the other, as in (3, n)."""
+    """One thread's rays in flight, as a structure of arrays; components one after the other, as in (3, n)."""
 
-    o: NDArray[np.floating]  # (3n,) f, world units: origins (camera rays share one and leave it unused)
+    o: NDArray[np.floating]  # (3n,) f, world units: origins (unused by camera rays, which share one)
     d: NDArray[np.floating]  # (3n,) f: unit directions
-    slot: NDArray[np.int32]  # (n,) i4: which sample a ray belongs to, once rays that are done have dropped out
+    slot: NDArray[np.int32]  # (n,) i4: the sample that a ray belongs to, after finished rays are removed
     hits: Hits
 
 
 class Points(NamedTuple):
-    """What the light pass needs of the surfaces that samples landed on."""
+    """Surface points of samples, for the light pass."""
 
     p: NDArray[np.floating]  # (3n,) f, world units
     ng: NDArray[np.floating]  # (3n,) f: unit geometric normal on the viewer's side
-    ns: NDArray[np.floating]  # (3n,) f: unit shading normal on the viewer's side; the same array as ng if all is flat
-    offset: NDArray[np.floating]  # (n,) f, world units: how far along ng a ray must start; -1: nothing to light
+    ns: NDArray[
+        np.floating
+    ]  # (3n,) f: unit shading normal on the viewer's side; the same array as ng if all surfaces are flat
+    offset: NDArray[
+        np.floating
+    ]  # (n,) f, world units: offset along ng of the next ray's origin; -1: no surface to light
     material_id: NDArray[np.int32]  # (n,) i4
 
 
 class Shadows(NamedTuple):
-    """Shadow rays to one light, and what they carry if nothing stops them."""
+    """Shadow rays to one light, and the irradiance of those that are not occluded."""
 
     o: NDArray[np.floating]  # (3n,) f, world units
-    d: NDArray[np.floating]  # (3n,) f, world units: to the light, which is at t = 1
+    d: NDArray[np.floating]  # (3n,) f, world units: to the light, at t = 1
     tmax: NDArray[np.floating]  # (n,) f: 1; -1: no ray
     irradiance: NDArray[np.floating]  # (n,) f, 1 / area: cos / (4 pi r^2), per unit of flux
     occluded: NDArray[np.bool_]  # (n,) bool
 
 
 class Window(NamedTuple):
-    """The part of the film that is drawn."""
+    """The part of the film that is rendered."""
 
-    x: int  # pixels: its left column
-    y: int  # pixels: its top row
+    x: int  # pixels: left column
+    y: int  # pixels: top row
     width: int
     height: int

@@ -7,7 +7,7 @@ from raytrace.passes.estimate import MODELS, Model
 from raytrace.passes.film import make_film
 from raytrace.records import Window
 from raytrace.rendering.adaptive import EDGE, LEAP, LUCK, AdaptiveSampler, choose
-from raytrace.rendering.work_items import curve
+from raytrace.rendering.film_tiles import curve
 
 ORDER = 1.5
 
@@ -91,7 +91,7 @@ def pixels_of(search, parts, shape):
 
 def test_the_error_is_that_of_the_pixels_where_all_is_flat():
     search = search_of(np.full((20, 40), 0.5), 4e-6, target=0.0021)
-    assert not search.parts()
+    assert not search.work_items()
     assert search.error == pytest.approx(0.002 * np.sqrt(1 / (1 + LUCK)), rel=1e-12)  # flat: luck is unlikely
 
 
@@ -99,7 +99,7 @@ def test_the_error_is_that_of_the_pixels_where_all_is_flat():
 def test_a_slope_is_no_edge_whatever_the_size(size):
     y, x = np.mgrid[0 : size[0], 0 : size[1]] / 200
     search = search_of(0.3 + x + 0.5 * y, 0.0, target=1e-9)
-    assert not search.parts()
+    assert not search.work_items()
     assert search.error < 1e-10
 
 
@@ -107,7 +107,7 @@ def test_pixels_near_an_edge_are_not_trusted_though_their_samples_agree():
     picture = np.zeros((20, 40))
     picture[:, 21:] = 1.0
     search = search_of(picture, 0.0)
-    chosen = pixels_of(search, search.parts(), picture.shape)
+    chosen = pixels_of(search, search.work_items(), picture.shape)
     assert np.flatnonzero(chosen.all(axis=0)).tolist() == [20, 21]
     assert not np.delete(chosen, [20, 21], axis=1).any()
     assert search.error == pytest.approx(np.sqrt(2 / 40 / (3 * 4**3)), rel=1e-12)
@@ -117,7 +117,7 @@ def test_a_pixel_half_on_either_side_of_an_edge_is_not_taken_for_a_slope():
     picture = np.zeros((20, 40))
     picture[:, 20], picture[:, 21:] = 0.5, 1.0  # mirrored samples of an edge through the middle all agree
     search = search_of(picture, 0.0)
-    chosen = pixels_of(search, search.parts(), picture.shape)
+    chosen = pixels_of(search, search.work_items(), picture.shape)
     assert np.flatnonzero(chosen.all(axis=0)).tolist() == [19, 20, 21]
     share = LUCK * EDGE / (1 + LUCK) * 3 * 0.25 * 4.0 ** -MODELS["sobol"].order
     hidden = 3 * 0.25 / (9 * 4**3)
@@ -132,22 +132,22 @@ def test_what_may_be_hidden_is_at_least_what_edges_cost_that_evenly_spread_sampl
     picture = np.zeros((20, 40))
     picture[:, 21:] = 1.0
     search = search_of(picture, 0.0, samples=n)
-    search.parts()
+    search.work_items()
     assert missed < search.error**2 * 40 / 2 < 6 * missed
 
 
 def test_rounds_are_averaged_by_what_they_tell():
     model = Model(1.5, 2)
     search = search_of(np.full((16, 16), 0.5), 1e-4, model=model)
-    assert search.parts()
+    assert search.work_items()
     search.film.samples[:], search.film.error[:] = 16, 0.0
-    search.parts()
+    search.work_items()
     scale = (1 * 1e-4 * 4**1.5 + 3 * 0.0) / 4  # one contrast of pairs, then three
     assert search.error == pytest.approx(np.sqrt(4 * scale / (4 + LUCK) * 16**-1.5), rel=1e-9)
     search = search_of(np.full((16, 16), 0.5), 1e-4, model=Model(1.5, 1))
-    assert search.parts()
+    assert search.work_items()
     search.film.samples[:], search.film.error[:] = 16, 0.0
-    search.parts()
+    search.work_items()
     assert search.error == pytest.approx(np.sqrt(3 * 1e-4 * 4**1.5 / (6 + LUCK) * 16**-1.5), rel=1e-9)
 
 
@@ -155,9 +155,9 @@ def test_an_edge_that_was_seen_once_is_remembered():
     picture = np.zeros((20, 40))
     picture[8, 20] = 1.0
     search = search_of(picture, 0.0)
-    assert search.parts()
+    assert search.work_items()
     search.show(np.s_[: picture.size], np.zeros((3, picture.size)))
     search.film.samples[:] = 8
-    chosen = pixels_of(search, search.parts(), picture.shape)
+    chosen = pixels_of(search, search.work_items(), picture.shape)
     assert chosen[7:10, 19:22].all()
     assert chosen.sum() == 9

@@ -65,5 +65,5 @@ def test_memory_is_given_in_bytes_or_larger_units(text, value):
 
 @pytest.mark.parametrize("text", ["", "G", "0", "-4G", "4X", "nan", "inf", "1e30", "4 G B", "GG", "0.5"])
 def test_what_is_no_amount_of_memory_is_told(text):
-    with pytest.raises(ArgumentTypeError, match=r"expected bytes, as 500M or 4G, got"):
+    with pytest.raises(ArgumentTypeError, match=r"expected bytes, such as 500M or 4G, got"):
         memory(text)

@@ -16,7 +16,7 @@ import pytest
 import raytrace as rt
 from raytrace.cli.delivery import deliver
 from raytrace.errors import FileError
-from raytrace.rendering import checkpoint, work_items
+from raytrace.rendering import checkpoint, film_tiles
 from raytrace.rendering.checkpoint import Checkpoint
 from raytrace.rendering.journal import HEAD
 from raytrace.rendering.run import Run
@@ -26,7 +26,7 @@ from small_scenes import studio
 
 ROOT = Path(__file__).parents[1]
 BOX = ROOT / "scenes" / "cornell-box.json"
-TILE = work_items.TILE
+TILE = film_tiles.TILE
 SIZE = (3 * TILE + 5, 2 * TILE + 3)
 WAYS = {
     "uniform": {"spp": 64},
@@ -163,7 +163,7 @@ def test_a_record_that_lies_about_its_length_is_the_end(scene, file):
 )
 def test_another_picture_is_refused_in_one_line(scene, file, other, told):
     content = kept_part(scene, file, spp=64)
-    with pytest.raises(FileError, match="is of another picture") as refused:
+    with pytest.raises(FileError, match="belongs to another image") as refused:
         rt.render(scene, checkpoint=file, **{"spp": 64, "size": SIZE, **other})
     assert told in str(refused.value)
     assert str(file) in str(refused.value)
@@ -198,12 +198,12 @@ def test_an_edit_of_a_mesh_is_another_scene(file, tmp_path):
 def test_a_file_that_is_no_checkpoint_is_left_alone(scene, file, content, monkeypatch):
     monkeypatch.setattr(checkpoint, "QUIET", 0.0)
     file.write_bytes(content)
-    with pytest.raises(FileError, match="is no checkpoint"):
+    with pytest.raises(FileError, match="not a checkpoint"):
         rt.render(scene, checkpoint=file, size=SIZE, spp=1)
     said = []
     picture = rt.render(scene, checkpoint=Checkpoint(file, False, said.append), size=SIZE, spp=1)
     assert picture.complete
-    assert said == [f"{file}: is no checkpoint; delete or rename it; no more parts are kept, drawing goes on"]
+    assert said == [f"{file}: not a checkpoint; delete or rename it; the render continues without a checkpoint"]
     assert file.read_bytes() == content
 
 
@@ -213,7 +213,7 @@ def test_two_renders_do_not_write_one_file(scene, file):
 
     def progress(event):
         if event.stage == "rendering":
-            with pytest.raises(FileError, match="another render writes it"):
+            with pytest.raises(FileError, match="another render is using it"):
                 rt.render(scene, **ask)
             raise KeyboardInterrupt
 
@@ -241,7 +241,7 @@ def test_a_long_one_is_kept_without_being_asked_and_gives_way_to_a_new_one(scene
     before, inode = file.read_bytes(), file.stat().st_ino
     monkeypatch.setattr(checkpoint, "QUIET", 1e6)
     rt.render(scene, checkpoint=Checkpoint(file, False, said.append), progress=stopping_after(1), **ask)
-    assert said == [f"{file}: holds a part of this picture, from which --resume goes on; this begins anew"]
+    assert said == [f"{file}: a checkpoint of this image exists (use --resume); starting over"]
     assert file.read_bytes() == before  # until the new one has drawn for a while
     monkeypatch.setattr(checkpoint, "QUIET", 0.0)
     rt.render(scene, checkpoint=Checkpoint(file, False, said.append), progress=stopping_after(1), threads=1, **ask)
@@ -268,11 +268,11 @@ def test_a_full_disk_is_told_once_and_drawing_goes_on(scene, file, monkeypatch):
     monkeypatch.setattr(os, "write", full)
     picture = rt.render(scene, checkpoint=Checkpoint(file, True, said.append), threads=1, **ask)
     monkeypatch.setattr(os, "write", write)
-    assert said == [f"{file}: can't be written: No space left on device; no more parts are kept, drawing goes on"]
+    assert said == [f"{file}: can't be written: No space left on device; the render continues without a checkpoint"]
     whole = rt.render(scene, **ask)
     assert_same(whole, picture)
     rest = rt.render(scene, checkpoint=Checkpoint(file, True, said.append), **ask)
-    assert said[1:] == [f"{file}: goes on from 1 finished parts"]
+    assert said[1:] == [f"{file}: resuming from 1 finished work items"]
     assert_same(whole, rest)
 
 
@@ -285,7 +285,7 @@ def test_a_picture_that_cannot_be_written_goes_elsewhere(scene, tmp_path, monkey
     path, failure = deliver(picture, gone / "a.npz", 0.0)
     assert path.parent.parent == home
     assert failure.startswith(f"{gone / 'a.npz'}: there is no folder {gone}")
-    assert failure.endswith(f"; the picture is in {path}")
+    assert failure.endswith(f"; the image is in {path}")
     assert np.array_equal(np.load(path)["rgb"], picture.rgb)
     monkeypatch.setattr(Path, "home", lambda: gone)
     monkeypatch.setattr(Path, "cwd", lambda: gone)
@@ -301,13 +301,13 @@ from raytrace.rendering import checkpoint, run
 from raytrace.cli.main import main
 from raytrace.rendering.threads import RenderThreads
 checkpoint.EVERY, checkpoint.SHARE = 0.0, 1e9
-run.first_pass = lambda spp, seconds: 1  # the film is drawn in passes, however quick the machine is
+run.first_round = lambda spp, seconds: 1  # the film is drawn in passes, however quick the machine is
 draw, parts = RenderThreads.draw, itertools.count()
-def draw_or_wait(crew, sheet, first, last, over=lambda: False):
+def draw_or_wait(workers, tile, first, last, over=lambda: False):
     if next(parts) >= int(os.environ.get("PARTS", 1 << 30)):
         while not over() and not os.path.exists(os.environ["GATE"]):
             time.sleep(0.01)
-    return draw(crew, sheet, first, last, over)
+    return draw(workers, tile, first, last, over)
 RenderThreads.draw = draw_or_wait
 sys.exit(main())
 """
@@ -380,9 +380,9 @@ def test_a_signal_to_end_saves_what_is_finished_and_says_how_to_go_on(undisturbe
     process.send_signal(number)
     out, said = process.communicate(timeout=60)
     assert (process.returncode, out) == (130, f"{path}\n")
-    assert f"interrupted at 8 of 256 samples per pixel; --resume goes on from {path}.checkpoint\n" in said
+    assert f"interrupted at 8 of 256 samples per pixel; --resume continues from {path}.checkpoint\n" in said
     assert np.array_equal(np.load(path)["rgb"], rt.render(BOX, size=(256, 256), spp=8).rgb)
-    assert " finished parts\n" in finish(path, undisturbed)
+    assert " finished work items\n" in finish(path, undisturbed)
 
 
 @posix
@@ -395,7 +395,7 @@ def test_the_command_line_refuses_another_picture_in_one_line(tmp_path):
     process = start("-o", str(path), "--resume", "--seed", "1")
     out, said = process.communicate(timeout=60)
     assert (process.returncode, out) == (4, "")
-    assert said == f"{path}.checkpoint: is of another picture (seed 0, not 1); delete it to begin this one\n"
+    assert said == f"{path}.checkpoint: belongs to another image (seed 0, not 1); delete it to start this one\n"
     assert not path.exists()
 
 
@@ -460,7 +460,7 @@ def test_a_folder_that_is_removed_midway_loses_nothing(undisturbed, tmp_path):
     assert process.returncode == 4
     path = Path(out.strip())
     assert path.parent.parent == elsewhere
-    assert said.splitlines()[-1].endswith(f"there is no folder {folder}; create it first; the picture is in {path}")
+    assert said.splitlines()[-1].endswith(f"there is no folder {folder}; create it first; the image is in {path}")
     assert_is(path, undisturbed)
 
 
@@ -473,7 +473,7 @@ def test_a_file_system_that_is_full_loses_nothing(undisturbed, tmp_path):
     process = start("-o", str(path), "--resume", then=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
     _, said = process.communicate(timeout=60)
     assert process.returncode == 0, said
-    assert f"{path}.checkpoint: can't be written: File too large; no more parts are kept, drawing goes on\n" in said
+    assert f"{path}.checkpoint: can't be written: File too large; the render continues without a checkpoint\n" in said
     assert_is(path, undisturbed)
     assert [each.name for each in tmp_path.iterdir()] == ["a.npz"]
 

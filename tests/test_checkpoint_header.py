@@ -9,7 +9,7 @@ import pytest
 import raytrace as rt
 from raytrace.errors import FileError
 from raytrace.rendering import checkpoint, checkpoint_header
-from raytrace.rendering.checkpoint import FOREIGN, LAYOUT, Checkpoint
+from raytrace.rendering.checkpoint import FOREIGN, TILING, Checkpoint
 from raytrace.rendering.journal import HEAD, _head
 from same_pictures import assert_same
 from small_scenes import studio
@@ -57,7 +57,7 @@ def kept(scene, file):
     """The records of a file from which the image could go on."""
     rt.render(scene, checkpoint=file, threads=1, **ASK)
     found = records(file.read_bytes())
-    assert [number for number, _ in found] == [0, LAYOUT, *range(len(found) - 2)]
+    assert [number for number, _ in found] == [0, TILING, *range(len(found) - 2)]
     return found
 
 
@@ -120,14 +120,14 @@ def test_another_title_is_no_checkpoint_of_this_image(scene, whole, file, what):
     assert_same(whole, picture)
     picture, said = resumed(scene, file)  # the new one is sound
     assert len(said) == 1
-    assert "goes on from" in said[0]
+    assert "resuming from" in said[0]
     assert_same(whole, picture)
 
 
 @pytest.mark.parametrize("what", LAYOUTS)
 def test_another_layout_is_no_checkpoint_of_this_image(scene, whole, file, what):
     title, _, *parts = kept(scene, file)
-    file.write_bytes(journal(title, (LAYOUT, LAYOUTS[what]), *parts))
+    file.write_bytes(journal(title, (TILING, LAYOUTS[what]), *parts))
     picture, said = resumed(scene, file)
     assert said == [f"{file}: {FOREIGN}"]
     assert_same(whole, picture)
@@ -145,7 +145,7 @@ def test_a_title_alone_is_where_a_render_was_killed_before_it_began_to_draw(scen
     title, *_ = kept(scene, file)
     file.write_bytes(journal(title))
     picture, said = resumed(scene, file)
-    assert said == [f"{file}: goes on from 0 finished parts"]
+    assert said == [f"{file}: resuming from 0 finished work items"]
     assert_same(whole, picture)
     assert len(records(file.read_bytes())) > 2
 
@@ -177,11 +177,11 @@ def test_titles_of_any_content_end_in_an_image_or_in_one_line(scene, whole, file
     else:
         refused = ""
     if refused:
-        assert refused.startswith(f"{file}: is of another picture (")
+        assert refused.startswith(f"{file}: belongs to another image (")
         assert refused.isprintable()
         assert len(refused) < 1000
     else:
-        assert said in ([f"{file}: {FOREIGN}"], [f"{file}: goes on from {len(parts)} finished parts"])
+        assert said in ([f"{file}: {FOREIGN}"], [f"{file}: resuming from {len(parts)} finished work items"])
         assert_same(whole, drawn)
 
 

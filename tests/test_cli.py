@@ -101,7 +101,7 @@ def test_help_leads_with_examples_and_names_every_verb(capsys):
         main.main(["--help"])
     text = capsys.readouterr().out
     assert text.index("examples:") < text.index("options:")
-    assert all(f"\n  {verb} " in text for verb in main.VERBS)
+    assert all(f"\n  {verb} " in text for verb in main.COMMANDS)
 
 
 # render ---------------------------------------------------------------------------------------------------------------
@@ -172,7 +172,8 @@ def test_a_wrong_option_says_what_was_expected(library, capsys, words, reason):
 def test_layers_are_refused_for_a_png(library, capsys):
     assert main.main(["box.json", "--aov", "depth"]) == 2
     assert (
-        capsys.readouterr().err == "raytrace: error: --aov: a PNG has no room for layers; use -o box.exr or box.npz\n"
+        capsys.readouterr().err
+        == "raytrace: error: --aov: a PNG file cannot contain layers; use -o box.exr or box.npz\n"
     )
     assert not library.asked
 
@@ -224,7 +225,7 @@ def test_a_time_limit_saves_what_is_finished_and_says_so(library, capsys):
 def test_a_target_that_is_not_reached_is_told(library, capsys):
     library.image.stats["target_reached"], library.image.provenance["spp"] = False, 64
     assert main.main(["box.json", "--target-error", "1e-5", "--spp", "64"]) == 0
-    assert "target error 1e-05 not reached with 64 samples a pixel\n" in capsys.readouterr().err
+    assert "target error 1e-05 not reached with 64 samples per pixel\n" in capsys.readouterr().err
 
 
 def test_an_interrupt_saves_what_is_finished_and_leaves_with_130(library, capsys):
@@ -252,7 +253,8 @@ def test_an_interrupt_before_anything_is_finished_keeps_an_older_picture(library
 def test_a_misspelt_verb_gets_a_suggestion(library, capsys, word, verb):
     assert main.main([word, "box.json"]) == 2
     assert (
-        capsys.readouterr().err == f"raytrace: error: '{word}' is neither a verb nor a file; did you mean '{verb}'?\n"
+        capsys.readouterr().err
+        == f"raytrace: error: '{word}' is neither a command nor a file; did you mean '{verb}'?\n"
     )
 
 
@@ -443,7 +445,7 @@ def test_an_interrupted_report_leaves_with_130(measured):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["-o", "out"], "report: which scene?"),
+        (["-o", "out"], "report: expected a scene"),
         (["box.json"], "-o/--output"),
         (["box.json", "--hard-cases", "-o", "out"], "not both"),
         (["--hard-cases"], "-o/--output"),

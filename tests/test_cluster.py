@@ -60,7 +60,8 @@ def logged(function, what):
     return wrapper
 cluster_worker.loads = logged(cluster_worker.loads, lambda content: f"{name} scene")
 cluster_worker.RenderThreads.__init__ = logged(cluster_worker.RenderThreads.__init__, lambda *args: f"{name} crew")
-cluster_worker._draw = logged(cluster_worker._draw, lambda scene, order, x, y, samples, sums: f"{name} part {x[0]} {y[0]} {samples}")
+words = lambda scene, order, x, y, samples, sums: f"{name} part {x[0]} {y[0]} {samples}"
+cluster_worker._draw = logged(cluster_worker._draw, words)
 async def main():
     async with Worker(address, nthreads=int(threads), name=name, dashboard=False) as one:
         await one.finished()
@@ -256,13 +257,13 @@ def test_a_worker_of_another_version_is_refused_by_name(scene, machines, caplog)
     there = rt.render(scene, size=SIZE, spp=16, client=machines.client)
     assert_same(rt.render(scene, size=SIZE, spp=16), there)
     assert not machines.lines("old part")
-    (told,) = [record.getMessage() for record in caplog.records if "refused" in record.getMessage()]
+    (told,) = [record.getMessage() for record in caplog.records if "is not used" in record.getMessage()]
     machines.remove("a")
     machines.wait(1)
     (address,) = machines.client.nthreads()
-    assert told.startswith(f"cluster: worker {address} is refused: it has raytrace 0.0.9 (")
+    assert told.startswith(f"cluster: worker {address} is not used: it has raytrace 0.0.9 (")
     assert f"not {rt.__version__} (" in told
-    with pytest.raises(OptionError, match="no worker is left that has raytrace"):
+    with pytest.raises(OptionError, match="no worker has raytrace"):
         rt.render(scene, size=SIZE, spp=16, client=machines.client)
 
 
@@ -277,7 +278,7 @@ def test_a_scheduler_that_goes_is_told_and_the_checkpoint_stays(scene, machines,
     }
     with (
         dask.config.set({"distributed.comm.timeouts.connect": "1s"}),
-        pytest.raises(OptionError, match="the scheduler has gone"),
+        pytest.raises(OptionError, match="the connection to the scheduler is lost"),
     ):
         rt.render(scene, **ask_there, **ask)
     rest = rt.render(scene, checkpoint=file, **ask)
@@ -332,7 +333,7 @@ def test_a_scheduler_that_goes_before_the_scene_has_come_is_told(scene, monkeypa
     monkeypatch.setattr(cluster, "PAUSED", 0.1)
     monkeypatch.setattr(Paused, "scheduler_info", lambda _client: {"type": "Scheduler"})
     for status in ("pending", "cancelled"):
-        with pytest.raises(OptionError, match="cluster: the scheduler has gone"):
+        with pytest.raises(OptionError, match="cluster: the connection to the scheduler is lost"):
             rt.render(scene, size=SIZE, spp=4, client=Paused(status))
 
 
@@ -348,7 +349,7 @@ def test_a_worker_without_memory_is_told(scene, monkeypatch):
 
 def test_ctrl_c_cancels_what_is_under_way(scene, pair, monkeypatch):
     ask = {"size": (256, 256), "spp": 16}
-    monkeypatch.setattr(run, "first_pass", lambda spp, seconds: 2)
+    monkeypatch.setattr(run, "first_round", lambda spp, seconds: 2)
     part = rt.render(scene, client=pair.client, progress=interrupt_in_the_last_pass, **ask)
     assert (part.complete, part.interrupted) == (False, True)
     assert (part.aov["samples"] == part.provenance["samples"]).all()
@@ -379,7 +380,7 @@ def test_a_picture_goes_on_here_or_there(scene, pair, tmp_path, way):
 
 
 def test_threads_are_the_workers_own(scene, pair):
-    with pytest.raises(OptionError, match="threads: the workers of a cluster have their own"):
+    with pytest.raises(OptionError, match="threads: cannot be combined with a cluster"):
         rt.render(scene, client=pair.client, threads=2)
 
 
@@ -398,8 +399,8 @@ def test_nobody_there_is_told():
 @pytest.mark.parametrize("samples", [1, 64, 65536])
 def test_parts_are_as_many_as_keep_all_busy_and_large_enough_for_the_scheduler(threads, samples, monkeypatch):
     monkeypatch.setattr(cluster, "RATE", 2e7)
-    pixels = cluster.part_pixels(2**24, samples, threads)
-    assert 2**24 / pixels <= 1.01 * cluster.PARTS * threads
+    pixels = cluster.item_pixels(2**24, samples, threads)
+    assert 2**24 / pixels <= 1.01 * cluster.ITEMS * threads
     assert pixels * samples / cluster.RATE >= 0.9 * cluster.TASK * threads  # seconds, as many as the scheduler takes
 
 
@@ -434,4 +435,4 @@ def test_ctrl_c_at_the_command_line_saves_what_came_back(pair, tmp_path):
     process.send_signal(signal.SIGINT)
     out, said = process.communicate(timeout=600)
     assert (process.returncode, out) == (130, f"{path}\n"), said
-    assert f"--resume goes on from {file}" in said
+    assert f"--resume continues from {file}" in said

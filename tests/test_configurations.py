@@ -6,7 +6,7 @@ import pytest
 from raytrace.accel import query
 from raytrace.accel.inputs import columns_of
 from raytrace.records import Hits, Rays
-from raytrace.rendering import compiled_scenes
+from raytrace.rendering import compiled_scene
 from raytrace.rendering.rendering import render
 from raytrace.reporting import configurations
 from raytrace.reporting.configurations import Configuration, ConfiguredScene, configurations_of, steps_of, weight_of
@@ -28,7 +28,7 @@ def test_without_a_tree_a_ray_is_tested_against_all_triangles():
     tested = {}
     for tree in ("sah", "none"):
         subject = ConfiguredScene(scene, Configuration("sobol", "float32", tree=tree), SIZE)
-        stage = compiled_scenes._stages[subject.scene]["float32"]
+        stage = compiled_scene._compiled[subject.scene]["float32"]
         for name, bvh in (("all", stage.bvh), ("shadow", stage.shadow_bvhs[0])):
             work = bvh.work()
             past = (np.array([[-20.0, 30.0, 10.0]], np.float32), np.array([[-1.0, 0.1, 0.2]], np.float32))
@@ -47,7 +47,7 @@ def test_a_scene_keeps_its_own_tree():
     scene = studio()
     before = render(scene, 1, SIZE, 0, "float32").rgb
     ConfiguredScene(scene, Configuration("sobol", "float32", triangle="moller-trumbore"), SIZE)
-    assert compiled_scenes._stages[scene]["float32"].bvh.triangle == "watertight"
+    assert compiled_scene._compiled[scene]["float32"].bvh.triangle == "watertight"
     np.testing.assert_array_equal(render(scene, 1, SIZE, 0, "float32").rgb, before)
 
 

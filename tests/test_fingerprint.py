@@ -61,7 +61,7 @@ def test_a_checkpoint_of_a_scene_is_refused_for_the_changed_one(tmp_path, name):
     scene, ask = studio(), {"size": (40, 33), "spp": 16, "checkpoint": tmp_path / "a.checkpoint"}
     rt.render(scene, progress=stop, **ask)
     changed = replace(scene, **{name: CHANGES[name](scene)})
-    with pytest.raises(FileError, match="is of another picture"):
+    with pytest.raises(FileError, match="belongs to another image"):
         rt.render(changed, **ask)
     assert_same(rt.render(scene, **ask), rt.render(scene, size=(40, 33), spp=16))
     kept = rt.render(changed, size=(8, 8), spp=1).provenance["scene_sha256"]

@@ -152,7 +152,7 @@ def test_a_film_is_refused_before_it_is_made(monkeypatch):
 def test_what_was_built_is_not_counted_again():
     triangles = rt.load(BOX)
     ask = {"spp": 1, "size": (16, 16), "precision": "float32"}
-    from raytrace.rendering.compiled_scenes import trees_of
+    from raytrace.rendering.compiled_scene import trees_of
     from raytrace.scene.plan import make_plan
 
     plan = make_plan(triangles)
@@ -167,7 +167,7 @@ def test_trees_for_lights_on_surfaces_are_refused_one_by_one(monkeypatch):
     content["objects"] = [entry | {"mesh": BOX.parent / entry["mesh"]} for entry in content["objects"]]
     content["lights"] += [{"type": "point", "position": [x, 0, 0.9], "flux": [1, 1, 1]} for x in (-0.5, 0.5)]
     asked = []
-    monkeypatch.setattr("raytrace.rendering.wavefront.check_tree", lambda *args: asked.append(args))
+    monkeypatch.setattr("raytrace.rendering.compiled_scene.check_tree", lambda *args: asked.append(args))
     rt.render(content, spp=1, size=(8, 8), precision="float64")
     assert asked == [(34, 8)] * 2
     monkeypatch.undo()

@@ -79,7 +79,7 @@ def test_a_picture_that_takes_too_much(folder, capsys, monkeypatch):
 
     monkeypatch.setattr(rendering, "check_drawing", full)
     assert main.main([path, "-o", str(folder / "a.png")]) == 2
-    assert capsys.readouterr().err.startswith("memory: there is not enough; take ")
+    assert capsys.readouterr().err.startswith("memory: not enough; use ")
 
 
 def test_a_picture_to_compare_with(folder, capsys, monkeypatch):

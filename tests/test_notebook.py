@@ -17,8 +17,8 @@ from raytrace.image.files import srgb8
 from raytrace.image.png import SIGNATURE
 from raytrace.jit import PLAIN
 from raytrace.rendering import notebook
-from raytrace.rendering.notebook import NotebookPreview, in_cell, listener_of
-from raytrace.rendering.progress import ProgressListener
+from raytrace.rendering.notebook import NotebookPreview, in_cell
+from raytrace.rendering.progress import ProgressListener, listener_of
 from small_scenes import studio
 from test_init import python
 
@@ -64,7 +64,7 @@ def test_the_last_look_shows_the_picture(eager):
     shelf = Shelf()
     picture = rt.render(studio(), spp=8, size=(70, 50), progress=shelf)
     text, html = shelf.shown[-2]
-    assert re.fullmatch(r"rendering: 8 samples a pixel, [\d.]+ M rays/s", text)
+    assert re.fullmatch(r"rendering: 8 samples per pixel, [\d.]+ M rays/s", text)
     assert 'width="70"' in html
     difference = decoded(html).astype(int) - srgb8(picture.rgb)
     assert np.abs(difference).max() <= 1  # of a value that lies half way between two
@@ -182,7 +182,7 @@ def test_the_stop_button_returns_what_is_finished(kernel):
     assert first["transient"] == second["transient"]
     for shown in (first, second):
         assert decoded(shown["data"]["text/html"]).shape == (384, 384, 3)
-        assert "samples a pixel" in shown["data"]["text/plain"]
+        assert "samples per pixel" in shown["data"]["text/plain"]
     said = kernel.each("update_display_data", "data")[-1]["text/plain"]
     assert re.fullmatch(r"interrupted at \d+ of 65536 samples per pixel", said)
     (result,) = kernel.each("execute_result", "data")

@@ -40,7 +40,7 @@ def handlers():
 @pytest.fixture
 def passes(monkeypatch):
     """The film is drawn in passes, however quick the machine is."""
-    monkeypatch.setattr(run, "first_pass", lambda spp, seconds: 1)
+    monkeypatch.setattr(run, "first_round", lambda spp, seconds: 1)
 
 
 @pytest.fixture
@@ -48,11 +48,11 @@ def interrupted(passes, monkeypatch):
     """Ctrl-C comes after the first pass, and before the fourth."""
     draw = RenderThreads.draw
 
-    def draw_or_wait(crew, sheet, first, last, over=lambda: True):  # without: to see how long it takes
-        crew.parts = getattr(crew, "parts", 0) + 1
-        while crew.parts > 4 * FIRST and not over():
+    def draw_or_wait(workers, tile, first, last, over=lambda: True):  # without: to see how long it takes
+        workers.parts = getattr(workers, "parts", 0) + 1
+        while workers.parts > 4 * FIRST and not over():
             time.sleep(0.01)
-        return draw(crew, sheet, first, last, over)
+        return draw(workers, tile, first, last, over)
 
     monkeypatch.setattr(RenderThreads, "draw", draw_or_wait)
 
@@ -91,7 +91,7 @@ def test_a_partial_image_goes_beside_a_file_that_is_there(tmp_path, interrupted,
         out, err = capsys.readouterr()
         assert out == f"{partial}\n"
         last = err.splitlines()[-1]
-        assert last == f"{path} exists and is left as it is; the partial image is in {partial}"
+        assert last == f"{path} exists and is not replaced; the incomplete image is in {partial}"
         assert path.read_bytes() == b"a finished image"
         assert samples(partial) >= 1
     assert {each.name for each in tmp_path.iterdir()} == {path.name, partial.name}
@@ -105,7 +105,7 @@ def test_a_time_limit_leaves_a_file_that_is_there_too(tmp_path, passes, monkeypa
     assert main.main([*ASK, "--threads", "1", "--time-limit", "1e6", "--quiet", "-o", str(path)]) == 0
     out, err = capsys.readouterr()
     assert out == f"{tmp_path / 'box.partial.npz'}\n"
-    assert err == f"{path} exists and is left as it is; the partial image is in {tmp_path / 'box.partial.npz'}\n"
+    assert err == f"{path} exists and is not replaced; the incomplete image is in {tmp_path / 'box.partial.npz'}\n"
     assert path.read_bytes() == b"a finished image"
 
 
@@ -138,9 +138,9 @@ def test_before_the_first_pass_is_complete_nothing_is_written(tmp_path, monkeypa
     path = tmp_path / "box.npz"
     assert main.main([*ASK, "-o", str(path), *words]) == 130
     out, err = capsys.readouterr()
-    kept = f"; --resume goes on from {path}.checkpoint" if words else ""
+    kept = f"; --resume continues from {path}.checkpoint" if words else ""
     assert out == ""
-    assert err == f"interrupted before the first pass over the image was complete; nothing was saved{kept}\n"
+    assert err == f"interrupted before the first round of samples was complete; nothing was saved{kept}\n"
     assert not path.exists()
 
 
@@ -150,14 +150,14 @@ def test_time_that_ends_before_the_first_pass_writes_nothing_either(tmp_path, mo
     assert main.main([*ASK, "-o", str(path), "--time-limit", "1e6"]) == 130
     out, err = capsys.readouterr()
     assert (out, list(tmp_path.iterdir())) == ("", [])
-    assert err == "time limit reached before the first pass over the image was complete; nothing was saved\n"
+    assert err == "time limit reached before the first round of samples was complete; nothing was saved\n"
 
 
 def test_a_partial_image_that_cannot_be_written_goes_elsewhere(tmp_path, passes, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     path, failure = deliver(rt.render(studio(), size=(8, 8), spp=2), tmp_path / "gone" / "a.partial.npz", 0.0)
     assert path.name == "a.partial.npz"
-    assert failure.endswith(f"; the picture is in {path}")
+    assert failure.endswith(f"; the image is in {path}")
 
 
 # What is said ---------------------------------------------------------------------------------------------------------
@@ -182,7 +182,7 @@ from raytrace import files
 from raytrace.rendering import run
 from raytrace.cli.main import main
 from raytrace.cli.terminal import ECHO, Reporter
-run.first_pass = lambda spp, seconds: 1
+run.first_round = lambda spp, seconds: 1
 replace = os.replace
 def slowly(*names):  # the image is being written
     if {during}:

@@ -8,15 +8,15 @@ import pytest
 import raytrace as rt
 from raytrace.jit import PLAIN
 from raytrace.records import Window
-from raytrace.rendering import checkpoint, pace, run
+from raytrace.rendering import checkpoint, film_tiles, run, threads
 from raytrace.rendering.checkpoint import Checkpoint
+from raytrace.rendering.film_tiles import TILE, first_round, pieces, rounds
 from raytrace.rendering.job import Job
-from raytrace.rendering.pace import expected, first_pass
 from raytrace.rendering.progress import ProgressListener
 from raytrace.rendering.run import Run
 from raytrace.rendering.threads import RenderThreads
 from raytrace.rendering.wavefront import BATCH
-from raytrace.rendering.work_items import TILE, pieces, rounds
+from raytrace.scene.plan import make_plan
 from same_pictures import assert_same
 from small_scenes import studio
 
@@ -33,13 +33,13 @@ def scene():
 @pytest.fixture
 def passes(monkeypatch):
     """The film is drawn in passes, however quick the machine is."""
-    monkeypatch.setattr(run, "first_pass", lambda spp, seconds: 2)
+    monkeypatch.setattr(run, "first_round", lambda spp, seconds: 2)
 
 
 def parts_of_passes(spp=SPP, first=2):
     """How many parts there are up to the end of each pass."""
     pixels = -(-SIZE[0] * SIZE[1] // 16) * 16
-    counts = [len(pieces(pixels, BATCH // (last - begin))) for begin, last in rounds(spp, first, pace.LEAP)]
+    counts = [len(pieces(pixels, BATCH // (last - begin))) for begin, last in rounds(spp, first, film_tiles.LEAP)]
     return list(itertools.accumulate(counts))
 
 
@@ -47,14 +47,14 @@ def ended_at(monkeypatch, part, act):
     """Have something done before a part is drawn; the part before it is drawn but half."""
     draw, drawn = RenderThreads.draw, itertools.count()
 
-    def drawing(crew, sheet, first, last, over=lambda: False):
+    def drawing(workers, tile, first, last, over=lambda: False):
         k = next(drawn)
         if k == part - 1:
             last = max(first, (first + last) // 2)
         if k >= part:
             act()
             return first
-        return draw(crew, sheet, first, last, over)
+        return draw(workers, tile, first, last, over)
 
     monkeypatch.setattr(RenderThreads, "draw", drawing)
 
@@ -65,7 +65,7 @@ def interrupt():
 
 def job_of(scene, spp):
     settings = scene.settings._replace(size=SIZE, spp=spp)
-    return Job(scene, settings, Window(0, 0, *SIZE), settings.precision, None)
+    return Job(scene, make_plan(scene), settings, Window(0, 0, *SIZE), settings.precision, None, spp)
 
 
 def keep_all(monkeypatch):
@@ -86,7 +86,7 @@ def reached(whole_parts):
 def test_passes_change_no_bit(scene, passes, way, monkeypatch):
     ask = {"size": SIZE, "spp": SPP, **way}
     several = [rt.render(scene, threads=threads, **ask) for threads in (1, 3)]
-    monkeypatch.setattr(run, "first_pass", lambda spp, seconds: 0)
+    monkeypatch.setattr(run, "first_round", lambda spp, seconds: 0)
     for picture in several:
         assert_same(rt.render(scene, **ask), picture)
 
@@ -145,7 +145,7 @@ def test_all_that_ends_a_render_leaves_the_same(scene, passes, monkeypatch, tmp_
 
 def test_an_adaptive_image_that_is_interrupted_has_the_error_of_its_complete_rounds(scene, monkeypatch):
     ask = {"size": SIZE, "spp": 256, "target_error": 5e-4, "threads": 1}
-    errors, search = [], run.adaptive.AdaptiveSampler.parts
+    errors, search = [], run.adaptive.AdaptiveSampler.work_items
 
     def parts(self, at_least=0):
         found = search(self, at_least)
@@ -154,7 +154,7 @@ def test_an_adaptive_image_that_is_interrupted_has_the_error_of_its_complete_rou
             raise KeyboardInterrupt
         return found
 
-    monkeypatch.setattr(run.adaptive.AdaptiveSampler, "parts", parts)
+    monkeypatch.setattr(run.adaptive.AdaptiveSampler, "work_items", parts)
     image = rt.render(scene, **ask)
     assert image.provenance["samples"] >= 4
     assert (image.rgb > 0).any()
@@ -183,21 +183,21 @@ def test_passes_go_on_from_a_checkpoint_in_the_same_passes(scene, tmp_path, monk
     with monkeypatch.context() as patch:
         ended_at(patch, stop, interrupt)
         rt.render(scene, checkpoint=file, threads=1, **ask)
-    monkeypatch.setattr(run, "first_pass", lambda spp, seconds: 0)  # as another machine may find
+    monkeypatch.setattr(run, "first_round", lambda spp, seconds: 0)  # as another machine may find
     events, said = [], []
     rest = rt.render(scene, checkpoint=Checkpoint(file, True, said.append), progress=events.append, **ask)
     assert events[-1].total == parts_of_passes()[-1]
-    assert said[0].startswith(f"{file}: goes on from ")
+    assert said[0].startswith(f"{file}: resuming from ")
     assert_same(rt.render(scene, **ask), rest)
 
 
 def test_the_passes_that_tests_speak_of():
-    assert tuple(last for _, last in rounds(SPP, 2, pace.LEAP)) == ENDS
+    assert tuple(last for _, last in rounds(SPP, 2, film_tiles.LEAP)) == ENDS
 
 
 def test_passes_before_one_that_is_kept_are_neither_kept_nor_drawn_again(scene, tmp_path, monkeypatch):
     keep_all(monkeypatch)
-    monkeypatch.setattr(run, "first_pass", lambda spp, seconds: 1)
+    monkeypatch.setattr(run, "first_round", lambda spp, seconds: 1)
     file, ask = tmp_path / "a.checkpoint", {"size": SIZE, "spp": 256}
     whole, ends = rt.render(scene, **ask), parts_of_passes(256, 1)
     assert_same(whole, rt.render(scene, checkpoint=file, threads=1, **ask))
@@ -231,32 +231,32 @@ def test_a_part_that_cannot_be_read_after_passes_that_were_left_out_is_drawn_who
 # When -----------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seconds", [0.0, 1.0, pace.LONG])
+@pytest.mark.parametrize("seconds", [0.0, 1.0, film_tiles.LONG])
 def test_a_short_render_is_drawn_in_one_pass(seconds):
-    assert first_pass(1024, seconds) == 0
+    assert first_round(1024, seconds) == 0
 
 
 @pytest.mark.parametrize("seconds", [2.1, 5.0, 60.0, 3600.0, 1e6])
 @pytest.mark.parametrize("spp", [1, 7, 64, 1000, 65536])
 def test_the_first_pass_of_a_long_render_is_short_and_passes_double(spp, seconds):
-    first = first_pass(spp, seconds)
+    first = first_round(spp, seconds)
     assert first & (first - 1) == 0
-    assert first == 1 or pace.FIRST <= seconds * first / spp < 2 * pace.FIRST
+    assert first == 1 or film_tiles.FIRST <= seconds * first / spp < 2 * film_tiles.FIRST
     assert 1 <= first < max(spp, 2)
 
 
 def test_a_render_that_is_expected_to_take_long_has_passes(scene, monkeypatch):
-    monkeypatch.setattr(run, "expected", lambda *_: 4.0)
+    monkeypatch.setattr(RenderThreads, "expected", lambda *_: 4.0)
     events = []
     rt.render(scene, size=SIZE, spp=32, progress=events.append)
     assert events[-1].total == parts_of_passes(32, 2)[-1]
-    monkeypatch.setattr(run, "expected", lambda *_: 1.9)
+    monkeypatch.setattr(RenderThreads, "expected", lambda *_: 1.9)
     rt.render(scene, size=SIZE, spp=32, progress=events.append)
     assert events[-1].total == len(pieces(-(-SIZE[0] * SIZE[1] // 16) * 16, BATCH // 32))
 
 
 def test_nothing_is_drawn_to_see_how_long_a_small_image_takes(scene, monkeypatch):
-    monkeypatch.setattr(pace, "_timed", None)
+    monkeypatch.setattr(RenderThreads, "_timed", None)
     rt.render(scene, size=SIZE, spp=64)
 
 
@@ -264,26 +264,26 @@ def test_nothing_is_drawn_to_see_how_long_a_small_image_takes(scene, monkeypatch
 def test_no_more_samples_are_drawn_for_that_than_there_are(scene, monkeypatch, spp):
     ranges, draw = [], RenderThreads.draw
 
-    def drawing(crew, sheet, first, last, over=None):
+    def drawing(workers, tile, first, last, over=None):
         if over is None:
             ranges.append((first, last))
-            return draw(crew, sheet, first, last)
-        return draw(crew, sheet, first, last, over)
+            return draw(workers, tile, first, last)
+        return draw(workers, tile, first, last, over)
 
     monkeypatch.setattr(RenderThreads, "draw", drawing)
-    monkeypatch.setattr(pace, "LEAST", 1)
+    monkeypatch.setattr(threads, "LEAST", 1)
     rt.render(scene, size=SIZE, spp=spp, sampler="stratified")
-    assert set(ranges) == {(0, min(spp, pace.SAMPLES))}
+    assert set(ranges) == {(0, min(spp, threads.SAMPLES))}
 
 
 @pytest.mark.skipif(PLAIN, reason="a million samples")
 @pytest.mark.parametrize("size", [(16, 16), SIZE])
 def test_what_is_drawn_to_see_how_long_it_takes_does_not_count(scene, monkeypatch, size):
-    seen = []
-    monkeypatch.setattr(run, "expected", lambda *words: seen.append(expected(*words)) or 0.0)
-    spp = pace.LEAST // (size[0] * size[1]) + 1
+    seen, expected = [], RenderThreads.expected
+    monkeypatch.setattr(RenderThreads, "expected", lambda *words: seen.append(expected(*words)) or 0.0)
+    spp = threads.LEAST // (size[0] * size[1]) + 1
     probed = rt.render(scene, size=size, spp=spp, threads=1)
-    monkeypatch.setattr(run, "expected", lambda *_: 0.0)
+    monkeypatch.setattr(RenderThreads, "expected", lambda *_: 0.0)
     plain = rt.render(scene, size=size, spp=spp, threads=1)
     assert seen[0] > 0
     assert probed.stats["rays"] == plain.stats["rays"]
@@ -292,9 +292,9 @@ def test_what_is_drawn_to_see_how_long_it_takes_does_not_count(scene, monkeypatc
 
 def test_passes_take_no_more_memory_for_samples_in_flight(scene, monkeypatch):
     fronts = []
-    monkeypatch.setattr(run, "first_pass", lambda spp, seconds: 1)
+    monkeypatch.setattr(run, "first_round", lambda spp, seconds: 1)
     rest = RenderThreads.rest
-    monkeypatch.setattr(RenderThreads, "rest", lambda crew: (rest(crew), fronts.append(len(crew._wavefronts))))
+    monkeypatch.setattr(RenderThreads, "rest", lambda workers: (rest(workers), fronts.append(len(workers._wavefronts))))
     rt.render(scene, size=SIZE, spp=256, threads=2)
-    assert len(fronts) == len(rounds(256, 1, pace.LEAP)) > 4
+    assert len(fronts) == len(rounds(256, 1, film_tiles.LEAP)) > 4
     assert fronts[-1] <= 3  # of the caller's thread, and of two others; each pass has new threads

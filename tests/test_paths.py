@@ -11,7 +11,7 @@ import raytrace as rt
 from raytrace.accel import query
 from raytrace.passes.refraction import refract_rays
 from raytrace.records import Batch, Columns, Hits, Rays
-from raytrace.rendering.wavefront import compile_scene
+from raytrace.rendering.compiled_scene import compile_scene
 from raytrace.scene.plan import make_plan
 from small_scenes import ball, box, glass, look, make_scene
 
@@ -29,15 +29,15 @@ def batch(n, dtype):
 
 def trace(scene, o, d, count, precision):
     """Rays (n, 3) as they are after ``count`` interfaces: origins, directions; and the triangles met, (count, n)."""
-    stage, n, dtype = compile_scene(scene, make_plan(scene), precision), len(d), np.dtype(precision)
+    compiled, n, dtype = compile_scene(scene, make_plan(scene), precision), len(d), np.dtype(precision)
     source, target, met = batch(n, dtype), batch(n, dtype), []
     source.o[:], source.d[:] = o.T.ravel(), d.T.ravel()
     tmin, tmax = (Columns(np.array([limit], dtype), 0, 0, 0) for limit in (0, np.inf))
     for _ in range(count):
         rays = Rays(Columns(source.o, 0, 1, n), Columns(source.d, 0, 1, n), tmin, tmax)
-        query.closest_hit(stage.bvh.tree, rays, source.hits, n, stage.bvh.work())
+        query.closest_hit(compiled.bvh.tree, rays, source.hits, n, compiled.bvh.work())
         met.append(source.hits.prim_id.copy())
-        assert refract_rays(stage.shading, stage.normals, source, n, target) == n
+        assert refract_rays(compiled.shading, compiled.normals, source, n, target) == n
         source, target = target, source
     return source.o.reshape(3, n).T, source.d.reshape(3, n).T, np.array(met)
 

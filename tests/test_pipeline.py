@@ -8,7 +8,7 @@ import pytest
 import naive
 import raytrace as rt
 from naive_sampling import film_points
-from raytrace.rendering import rendering, work_items
+from raytrace.rendering import film_tiles, rendering
 from shipped_scenes import SCENES, each_scene, load
 from small_scenes import Part, look, make_scene, studio
 
@@ -101,6 +101,6 @@ def test_bits_do_not_depend_on_threads_tiles_batches_or_crop(path, precision, mo
     np.testing.assert_array_equal(part.rgb, whole.rgb[7:45, 13:54])
     np.testing.assert_array_equal(part.stderr, whole.stderr[7:45, 13:54])
     for tile, batch in ((32, 1), (8, 100), (64, 1 << 20)):
-        monkeypatch.setattr(work_items, "TILE", tile)
+        monkeypatch.setattr(film_tiles, "TILE", tile)
         monkeypatch.setattr(rendering, "BATCH", batch)
         assert whole.rgb.tobytes() == rt.render(scene, threads=2, **ask).rgb.tobytes()

@@ -15,7 +15,8 @@ from raytrace.jit import PLAIN
 from raytrace.passes.camera import make_view
 from raytrace.passes.sampling import make_sampler
 from raytrace.records import REFRACTIVE
-from raytrace.rendering.wavefront import Wavefront, compile_scene
+from raytrace.rendering.compiled_scene import compile_scene
+from raytrace.rendering.wavefront import Wavefront
 from raytrace.scene.plan import make_plan
 from shipped_scenes import each_scene
 from small_scenes import Part, ball, glass, make_scene, quad, studio
@@ -117,15 +118,15 @@ def test_explain_takes_what_render_takes(tmp_path, monkeypatch):
 
 def wavefront(scene):
     plan = make_plan(scene)
-    stage = compile_scene(scene, plan, "float32")
+    compiled = compile_scene(scene, plan, "float32")
     view = make_view(scene.camera, scene.settings.size, np.dtype(np.float32))
-    return stage, Wavefront(stage, view, make_sampler("sobol", 0, 1), 64)
+    return compiled, Wavefront(compiled, view, make_sampler("sobol", 0, 1), 64)
 
 
 def test_a_plain_scene_has_no_memory_for_what_it_lacks():
-    stage, front = wavefront(make_scene([Part(FLOOR)], [LIGHT]))
-    assert stage.shadow_bvhs == (stage.bvh,)
-    assert stage.normals is None
+    compiled, front = wavefront(make_scene([Part(FLOOR)], [LIGHT]))
+    assert compiled.shadow_bvhs == (compiled.bvh,)
+    assert compiled.normals is None
     assert np.shares_memory(front.points.ns, front.points.ng)
     assert front.bounced == []
 
@@ -133,16 +134,16 @@ def test_a_plain_scene_has_no_memory_for_what_it_lacks():
 def test_a_scene_that_has_it_gets_the_memory():
     triangles, normals = ball(4)
     parts = [Part(triangles, normals=normals), glass(FLOOR, 1.5, transparent_shadow=True)]
-    stage, front = wavefront(make_scene(parts, [LIGHT]))
-    assert len(stage.shadow_bvhs[0].faces) == len(stage.bvh.faces) - 2
-    assert len(stage.normals) == 9 * len(stage.bvh.faces)
+    compiled, front = wavefront(make_scene(parts, [LIGHT]))
+    assert len(compiled.shadow_bvhs[0].faces) == len(compiled.bvh.faces) - 2
+    assert len(compiled.normals) == 9 * len(compiled.bvh.faces)
     assert not np.shares_memory(front.points.ns, front.points.ng)
     assert len(front.bounced) == 2
 
 
 def test_where_all_surfaces_let_shadow_rays_pass_their_tree_is_empty():
-    stage, _ = wavefront(make_scene([glass(FLOOR, 1.5, transparent_shadow=True)], [LIGHT]))
-    assert len(stage.shadow_bvhs[0].faces) == 0
+    compiled, _ = wavefront(make_scene([glass(FLOOR, 1.5, transparent_shadow=True)], [LIGHT]))
+    assert len(compiled.shadow_bvhs[0].faces) == 0
     scene = auto(make_scene([glass(FLOOR, 1.5, transparent_shadow=True)], [LIGHT], background=(1, 2, 3)))
     assert np.unique(rt.render(scene).rgb.reshape(-1, 3), axis=0).tolist() == [[1.0, 2.0, 3.0]]
 

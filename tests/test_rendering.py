@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import sys
 import threading
 import tracemalloc
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 
 import raytrace as rt
 from raytrace.image.files import srgb_encode
-from raytrace.rendering import run, work_items
+from raytrace.rendering import film_tiles, run
 from raytrace.rendering.progress import Progress
 from small_scenes import Part, glass, look, make_scene, quad, studio
 
@@ -21,7 +22,7 @@ GLASS = ROOT / "scenes" / "cornell-box-glass.json"
 SPHERE = ROOT / "scenes" / "glass-sphere.json"
 SAMPLERS = ["sobol", "stratified", "independent"]
 PRECISIONS = ["float32", "float64"]
-TILE = work_items.TILE
+TILE = film_tiles.TILE
 
 FLOOR = quad((-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1))
 WALL = quad((-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0))
@@ -60,7 +61,7 @@ def test_threads_do_not_change_a_bit(several, sampler, precision):
 def test_tiles_and_batches_do_not_change_a_bit(several, tile, batch, monkeypatch):
     ask = {"size": (70, 45), "spp": 5, "seed": 9}
     before = rt.render(several, **ask)
-    monkeypatch.setattr(work_items, "TILE", tile)
+    monkeypatch.setattr(film_tiles, "TILE", tile)
     monkeypatch.setattr(run, "BATCH", batch)
     assert_same(before, rt.render(several, **ask))
 
@@ -326,7 +327,7 @@ def test_threads_tiles_and_batches_do_not_change_where_samples_go(several, sampl
     one = rt.render(several, threads=1, sampler=sampler, **EDGES)
     assert len(np.unique(one.aov["samples"])) > 3
     assert_same(one, rt.render(several, threads=3, sampler=sampler, **EDGES))
-    monkeypatch.setattr(work_items, "TILE", 8)
+    monkeypatch.setattr(film_tiles, "TILE", 8)
     monkeypatch.setattr(run, "BATCH", 1000)
     assert_same(one, rt.render(several, threads=2, sampler=sampler, **EDGES))
 
@@ -403,3 +404,38 @@ def test_memory_does_not_grow_with_samples(box):
     few, many = peak(8), peak(64)
     assert many < 1.1 * few
     assert many < 256 * 256 * 64 * 12 / 2  # the radiance of all samples alone would be 50 MB
+
+
+# How far one has to read ----------------------------------------------------------------------------------------------
+
+FEW_MODULES = 12  # outside the packages of the algorithm
+
+
+def modules_run_by(call):
+    """Modules of the package, outside ``accel``, ``passes`` and ``scene``, whose functions a call runs."""
+    package, seen = Path(rt.__file__).parent, set()
+
+    def profile(frame, event, _arg):
+        if event == "call":
+            seen.add(frame.f_code.co_filename)
+
+    threading.setprofile(profile)
+    sys.setprofile(profile)
+    try:
+        call()
+    finally:
+        sys.setprofile(None)
+        threading.setprofile(None)
+    inside = {Path(name).relative_to(package) for name in seen if Path(name).is_relative_to(package)}
+    return sorted(str(path) for path in inside if path.parts[0] not in ("accel", "passes", "scene"))
+
+
+@pytest.mark.parametrize("path", [BOX, GLASS], ids=lambda path: path.stem)
+def test_a_render_runs_few_modules(path):
+    scene = rt.load(path)
+    rt.render(scene)  # kernels are ready
+    again = modules_run_by(lambda: rt.render(scene))
+    assert len(again) <= FEW_MODULES, again
+    fresh = rt.load(path)
+    first = modules_run_by(lambda: rt.render(fresh))
+    assert len(first) <= FEW_MODULES, first

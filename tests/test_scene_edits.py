@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace.rendering import wavefront
 from raytrace.scene.fingerprint import fingerprint
 from raytrace.show.prepared_scene import prepare_scene
 from raytrace.show.scene_edits import SceneEdits, edited, indices_of_refraction
@@ -62,9 +61,9 @@ def test_no_tree_is_built_and_no_plan_made_again(prepared, monkeypatch):
     def forbidden(*_arguments):
         raise AssertionError("built again")
 
-    monkeypatch.setattr(wavefront, "BVH", forbidden)
-    monkeypatch.setattr("raytrace.rendering.compiled_scenes.compile_scene", forbidden)
-    monkeypatch.setattr("raytrace.rendering.compiled_scenes.make_plan", forbidden)
+    monkeypatch.setattr("raytrace.rendering.compiled_scene.BVH", forbidden)
+    monkeypatch.setattr("raytrace.rendering.compiled_scene.compile_scene", forbidden)
+    monkeypatch.setattr("raytrace.rendering.compiled_scene.make_plan", forbidden)
     scene = edited(prepared, SceneEdits(30, 10, 0.7, 5, {"pane": 0.9}, 1))
     assert rt.render(scene).complete
 

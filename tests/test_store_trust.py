@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from raytrace import doctor
+from raytrace import doctor, files
 from raytrace.native import private_files, store
 from raytrace.native.link import Code
 
@@ -128,22 +128,25 @@ def test_nothing_but_a_regular_file_is_opened(fresh, monkeypatch):
 
 def test_a_file_that_a_scanner_holds_is_replaced_a_little_later(fresh, monkeypatch):
     calls, real = [], os.replace
+    denied: OSError
 
     def held(*names):
         calls.append(names)
         if len(calls) < 4:
-            raise PermissionError(13, "Access is denied")
+            raise denied
         real(*names)
 
-    monkeypatch.setattr(private_files.os, "replace", held)
-    monkeypatch.setattr(private_files.time, "sleep", lambda _: None)
+    class WindowsError(PermissionError):
+        winerror = 5
+
+    monkeypatch.setattr(os, "replace", held)
+    monkeypatch.setattr(files, "PAUSE", 0.0)
     fresh().mkdir(parents=True)
-    with monkeypatch.context() as patch:
-        patch.setattr(private_files, "WINDOWS", True)
-        assert store.keep(NAME, KINDS, CODE)
+    denied = WindowsError(13, "Access is denied")
+    assert store.keep(NAME, KINDS, CODE)
     assert len(calls) == 4
     calls.clear()
-    monkeypatch.setattr(private_files, "WINDOWS", False)
+    denied = PermissionError(13, "Access is denied")
     assert not store.keep(NAME, KINDS, CODE)
     assert len(calls) == 1
 
@@ -155,7 +158,10 @@ def test_a_full_store_that_cannot_be_written_to_is_used_and_described_truly(fres
     store.keep(NAME, KINDS, CODE)
     monkeypatch.setattr(private_files, "probe", lambda folder: "Read-only file system")
     assert store.find(NAME, KINDS) == CODE
-    assert "read-only: Read-only file system; what it lacks" in dict(doctor.findings())["cache"]
+    assert (
+        "read-only: Read-only file system; every process compiles the kernels that are missing"
+        in dict(doctor.findings())["cache"]
+    )
     assert dict(doctor.findings())["kernels"] == "1 compiled"
 
 

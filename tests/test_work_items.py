@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from raytrace.records import Window
-from raytrace.rendering.work_items import TILE, curve, grown, inverse, pieces, rounds
+from raytrace.rendering.film_tiles import TILE, curve, grown, inverse, pieces, rounds
 
 
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (TILE, TILE), (TILE + 1, 2 * TILE - 3), (5, 70)])

@@ -1,4 +1,4 @@
-"""Options of the command line: each parser of a value says what it expected and what it got."""
+"""Options of the command line, and parsers of their values; an error says what was expected and what was given."""
 
 import contextlib
 import sys
@@ -11,11 +11,11 @@ from raytrace.cli import streams
 from raytrace.errors import printable, shortened
 from raytrace.limits import LAYERS
 
-LONGEST = 1000  # characters of a message about an argument
+LONGEST = 1000  # most characters of a message about an argument
 
 
 class Parser(ArgumentParser):
-    """A parser whose help and errors fit into any stream."""
+    """An argument parser that can print its help and errors to any stream."""
 
     def __init__(self, program: str, about: str) -> None:
         super().__init__(
@@ -23,13 +23,13 @@ class Parser(ArgumentParser):
         )
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong, and leave with exit code 2."""
-        with contextlib.suppress(OSError):  # nobody reads it
+        """Print what is wrong, and exit with code 2."""
+        with contextlib.suppress(OSError):  # the reader is gone
             self.print_usage(sys.stderr)
         self.exit(2, f"{self.prog}: error: {shortened(printable(message), LONGEST)}")
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
-        """Leave; what was printed, as the help, is written first."""
+        """Flush the output, such as the help, and exit."""
         if message:
             streams.say(message.rstrip())
         streams.flush()
@@ -37,7 +37,7 @@ class Parser(ArgumentParser):
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """Name the known word that was probably meant, as the end of a message; nothing where none is close.
+    """Suggest the known word that is closest, as the end of a message; "" where none is close.
 
     >>> suggestion("sobl", ["sobol", "stratified"])
     "; did you mean 'sobol'?"
@@ -48,7 +48,7 @@ def suggestion(word: str, known: Iterable[str]) -> str:
 
 
 def whole_number(low: int, high: int = 2**31 - 1) -> Callable[[str], int]:
-    """Parse a whole number from `low` to `high`."""
+    """Return a parser for whole numbers from `low` to `high`."""
 
     def parse(text: str) -> int:
         try:
@@ -63,14 +63,14 @@ def whole_number(low: int, high: int = 2**31 - 1) -> Callable[[str], int]:
 
 
 def real_number(low: float, high: float) -> Callable[[str], float]:
-    """Parse a number from `low` to `high`."""
+    """Return a parser for numbers from `low` to `high`."""
 
     def parse(text: str) -> float:
         try:
             value = float(text)
         except ValueError:
             value = float("nan")
-        if not low <= value <= high:  # NaN is out of any range
+        if not low <= value <= high:  # also true for NaN
             raise ArgumentTypeError(f"expected a number from {low:g} to {high:g}, got '{text}'")
         return value
 
@@ -78,7 +78,7 @@ def real_number(low: float, high: float) -> Callable[[str], float]:
 
 
 def whole_numbers(form: str, separator: str, lows: tuple[int, ...]) -> Callable[[str], tuple[int, ...]]:
-    """Parse whole numbers with a separator between them, each at least its own lower bound.
+    """Return a parser for whole numbers with a separator between them, each with a lower bound.
 
     >>> whole_numbers("WxH", "x", (1, 1))("640x480")
     (640, 480)
@@ -98,7 +98,7 @@ def whole_numbers(form: str, separator: str, lows: tuple[int, ...]) -> Callable[
 
 
 def one_of(*known: str) -> Callable[[str], str]:
-    """Parse one of a few words, with a suggestion for a misspelt one."""
+    """Return a parser for one of several words; its error suggests the closest one."""
 
     def parse(text: str) -> str:
         if text not in known:
@@ -109,12 +109,12 @@ def one_of(*known: str) -> Callable[[str], str]:
 
 
 def layers(text: str) -> tuple[str, ...]:
-    """Parse names of layers with commas between them."""
+    """Parse names of layers, separated by commas."""
     return tuple(map(one_of(*LAYERS), text.split(",")))
 
 
 def memory(text: str) -> int:
-    """Parse a number of bytes, or of KiB, MiB, GiB or TiB by a letter.
+    """Parse a number of bytes; the letters K, M, G and T stand for KiB, MiB, GiB and TiB.
 
     >>> memory("4G"), memory("1.5m")
     (4294967296, 1572864)
@@ -126,7 +126,7 @@ def memory(text: str) -> int:
     except ValueError:
         value = -1
     if not 1 <= value < 2**63:
-        raise ArgumentTypeError(f"expected bytes, as 500M or 4G, got '{text}'")
+        raise ArgumentTypeError(f"expected bytes, such as 500M or 4G, got '{text}'")
     return int(value)
 
 
@@ -146,20 +146,20 @@ RENDER_OPTIONS = (
 
 
 def scene_options(parser: ArgumentParser) -> None:
-    """Declare a scene, where its meshes may lie, and what memory it may take."""
+    """Declare the scene file and the options for loading it."""
     parser.add_argument("scene", type=Path, help="scene file (JSON)")
     _load_options(parser)
 
 
 def _memory_option(parser: ArgumentParser) -> None:
     parser.add_argument(
-        "--max-memory", type=memory, metavar="SIZE", help="bytes, as 500M or 4G (default: what is free)"
+        "--max-memory", type=memory, metavar="SIZE", help="memory limit, such as 500M or 4G (default: what is free)"
     )
 
 
 def _load_options(parser: ArgumentParser) -> None:
     _memory_option(parser)
-    text = "a folder whose files the scene may read too (default: only those below its own)"
+    text = "allow the scene to read meshes below this folder, too (default: only below the scene file's folder)"
     parser.add_argument("--root", type=Path, metavar="DIR", help=text)
 
 
@@ -179,49 +179,54 @@ def _image_options(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("-o", "--output", type=Path, metavar="FILE", help=".png, .exr or .npz (default: ./<scene>.png)")
     add("--spp", type=whole_number(1), metavar="N", help="samples per pixel (default: the scene's)")
-    add("--size", type=whole_numbers("WxH", "x", (1, 1)), metavar="WxH", help="film, pixels (default: the scene's)")
+    size = whole_numbers("WxH", "x", (1, 1))
+    add("--size", type=size, metavar="WxH", help="image size in pixels (default: the scene's)")
     window = whole_numbers("X,Y,W,H", ",", (0, 0, 1, 1))
-    add("--crop", type=window, metavar="X,Y,W,H", help="only these pixels, from column X and row Y on")
-    add("--seed", type=whole_number(0, 2**32 - 1), metavar="N", help="random numbers (default: the scene's)")
+    add("--crop", type=window, metavar="X,Y,W,H", help="render only W x H pixels, from column X and row Y")
+    add("--seed", type=whole_number(0, 2**32 - 1), metavar="N", help="random seed (default: the scene's)")
     add("--precision", type=one_of("auto", "float32", "float64"), metavar="P", help="auto, float32 or float64")
     samplers = one_of("sobol", "stratified", "independent")
     add("--sampler", type=samplers, metavar="NAME", help="sobol, stratified or independent")
-    add("--threads", type=whole_number(1, 4096), metavar="N", help="(default: one a core); no effect on the picture")
-    text = "a Dask scheduler, as tcp://host:8786: its workers draw"
+    add("--threads", type=whole_number(1, 4096), metavar="N", help="number of threads (default: one per core)")
+    text = "render on the Dask cluster at this address, such as tcp://host:8786"
     add("--cluster", metavar="ADDRESS", help=text)
-    add("--time-limit", type=real_number(1e-3, 1e9), metavar="SECONDS", help="stop then and save what is finished")
-    add("--target-error", type=real_number(1e-6, 0.999), metavar="E", help="RMSE (sRGB, 0..1) to reach; --spp caps it")
-    text = "go on from what a render of the same picture kept beside it, or keep it from the start"
+    text = "stop after this time and save the image so far"
+    add("--time-limit", type=real_number(1e-3, 1e9), metavar="SECONDS", help=text)
+    text = "adaptive sampling to this RMSE (sRGB, 0..1), with at most --spp samples"
+    add("--target-error", type=real_number(1e-6, 0.999), metavar="E", help=text)
+    text = "resume from <output>.checkpoint if it exists; otherwise create it"
     add("--resume", action="store_true", help=text)
-    add("--aov", type=layers, default=(), metavar="A,B", help=f"layers of an .exr or .npz: {', '.join(LAYERS)}")
-    add("--exposure", type=real_number(-100, 100), default=0.0, metavar="STOPS", help="of a .png: light x 2^STOPS")
+    add("--aov", type=layers, default=(), metavar="A,B", help=f"layers to save in an .exr or .npz: {', '.join(LAYERS)}")
+    text = "of a .png: multiply radiance by 2^STOPS"
+    add("--exposure", type=real_number(-100, 100), default=0.0, metavar="STOPS", help=text)
     add("--quiet", action="store_true", help="no progress and no messages, only errors")
     add("--json", action="store_true", help="print one JSON object: path, seconds, statistics")
 
 
 def compare_options(parser: ArgumentParser) -> None:
-    """Declare the options of ``compare``: the fields of ``raytrace.image.metrics.Limits`` are the limits."""
+    """Declare the options of ``compare``; its limits are the fields of ``raytrace.image.metrics.Limits``."""
     add = parser.add_argument
-    add("image", type=Path, help="picture to judge: .exr, .npz or .png")
-    add("reference", type=Path, help="picture to judge it by")
+    add("image", type=Path, help="image to compare: .exr, .npz or .png")
+    add("reference", type=Path, help="reference image")
     limit = real_number(0, float("inf"))
-    add("--max-rmse", type=limit, metavar="X", help="root of the mean squared difference, linear light")
-    add("--max-rmse-srgb", type=limit, metavar="X", help="the same on a screen: sRGB, clipped to 0..1")
-    add("--max-relative-mse", type=limit, metavar="X", help="mean squared difference, relative to each value")
-    add("--min-ssim", type=real_number(-1, 1), metavar="X", help="structural similarity, 1 is equal")
+    add("--max-rmse", type=limit, metavar="X", help="root mean square error, linear radiance")
+    add("--max-rmse-srgb", type=limit, metavar="X", help="root mean square error in sRGB, clipped to 0..1")
+    add("--max-relative-mse", type=limit, metavar="X", help="mean squared error, relative to each value")
+    add("--min-ssim", type=real_number(-1, 1), metavar="X", help="structural similarity; 1 means equal")
     add("--max-bias", type=limit, metavar="X", help="relative difference of a channel's mean")
-    add("--max-worst-tile", type=limit, metavar="X", help="difference of the worst 8 x 8 tile")
-    add("--max-outliers", type=real_number(0, 1), metavar="X", help="share of pixels that stand out")
+    add("--max-worst-tile", type=limit, metavar="X", help="error of the worst 8 x 8 tile")
+    add("--max-outliers", type=real_number(0, 1), metavar="X", help="fraction of pixels that are outliers")
     add("--json", action="store_true", help="print one JSON object")
 
 
 def report_options(parser: ArgumentParser) -> None:
     """Declare the options of ``report``."""
     add = parser.add_argument
-    add("scene", type=Path, nargs="?", help="scene file (JSON) whose speed is measured against its error")
+    add("scene", type=Path, nargs="?", help="scene file (JSON) to measure speed and error of")
     _load_options(parser)
-    add("--hard-cases", action="store_true", help="rays that break ray tracers, judged exactly, instead of a scene")
+    add("--hard-cases", action="store_true", help="instead of a scene, test rays that break ray tracers")
     add("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the report")
-    add("--reference", type=Path, metavar="FILE", help=".exr or .npz to judge by (default: one is drawn, and kept)")
-    add("--budget", type=real_number(1, 1e9), default=60.0, metavar="SECONDS", help="time to measure in (default: 60)")
-    add("--size", type=whole_numbers("WxH", "x", (1, 1)), metavar="WxH", help="film, pixels (default: the scene's)")
+    add("--reference", type=Path, metavar="FILE", help="reference image, .exr or .npz (default: rendered, and kept)")
+    add("--budget", type=real_number(1, 1e9), default=60.0, metavar="SECONDS", help="measuring time (default: 60)")
+    size = whole_numbers("WxH", "x", (1, 1))
+    add("--size", type=size, metavar="WxH", help="image size in pixels (default: the scene's)")

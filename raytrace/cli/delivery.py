@@ -1,4 +1,4 @@
-"""A picture handed over: written where it was wanted, or where that can be done; and what is said of it."""
+"""Writes the image of a render, to another folder if necessary, and describes the result."""
 
 import contextlib
 import os
@@ -15,17 +15,17 @@ from raytrace.rendering.result import Render, state_of
 if TYPE_CHECKING:
     from distributed import Client
 
-NOTED = 0.01  # seconds of compilation that are worth saying
+NOTED = 0.01  # seconds of compilation that are worth reporting
 
 
 def checkpoint_of(path: Path, resume: bool, say: Callable[[str], None]) -> Checkpoint:
-    """What keeps finished parts of a picture: a file beside it."""
+    """Return the checkpoint of an image: a file in the same folder."""
     return Checkpoint(path.with_name(path.name + SUFFIX), resume, say)
 
 
 @contextlib.contextmanager
 def connected(address: str | None) -> Iterator["Client | None"]:
-    """A client of the scheduler at an address, as long as it is needed; None where there is no address."""
+    """Connect to the scheduler at an address for the time of the context; None without an address."""
     if address is None:
         yield None
         return
@@ -35,14 +35,14 @@ def connected(address: str | None) -> Iterator["Client | None"]:
         yield client
 
 
-def place_of(image: Render, path: Path) -> Path:
-    """Where a picture is to be written: an incomplete one goes beside a file that is there.
+def path_of(image: Render, path: Path) -> Path:
+    """Return the path to write an image to: an incomplete image does not replace an existing file.
 
     Parameters
     ----------
     image : Render
     path : Path
-        Where it is wanted.
+        The requested path.
     """
     if image.complete or not os.path.lexists(path):
         return path
@@ -50,15 +50,15 @@ def place_of(image: Render, path: Path) -> Path:
 
 
 def deliver(image: Render, path: Path, exposure: float) -> tuple[Path, str]:
-    """Write a picture; where it lies now, and what went wrong, if anything did.
+    """Write an image; return its path, and what went wrong ("" if nothing).
 
-    What could be written when the render began may be full, gone or read-only by now. Then the picture goes to a new
-    folder for temporary files, in the home folder, or in the current one, whichever can be written first.
+    After a long render, the folder may be full, deleted or read-only. Then the image is written to a new folder: among
+    the temporary files, else in the home folder, else in the current folder.
 
     Raises
     ------
     FileError
-        It can be written nowhere.
+        The image can't be written to any of these.
     """
     try:
         return image.save(path, exposure=exposure), ""
@@ -72,40 +72,40 @@ def deliver(image: Render, path: Path, exposure: float) -> tuple[Path, str]:
             except FileError:
                 os.rmdir(elsewhere)
                 continue
-            return written, f"{failure}; the picture is in {written}"
-    raise FileError(f"{failure}; nor anywhere else{_kept(image, '; --resume goes on from {}')}")
+            return written, f"{failure}; the image is in {written}"
+    raise FileError(f"{failure}; nor anywhere else{_kept(image)}")
 
 
 def nothing(image: Render) -> str:
-    """What is said where no pass over the image was completed."""
-    return f"{state_of(image)}; nothing was saved{_kept(image, '; --resume goes on from {}')}"
+    """The message for a render without a complete round of samples."""
+    return f"{state_of(image)}; nothing was saved{_kept(image)}"
 
 
 def remarks(image: Render, last: Progress | None, seconds: float, target: float | None) -> Iterator[str]:
-    """What is worth saying of a picture.
+    """Yield the messages about a finished render, one per line.
 
     Parameters
     ----------
     image : Render
     last : Progress or None
-        The newest of its drawing.
+        The last progress update of the rendering stage.
     seconds : float
-        That it took.
+        From the start of the command.
     target : float or None
-        Error that was wanted.
+        Target error.
     """
     if not image.complete:
-        yield f"{state_of(image)}{_kept(image, '; --resume goes on from {}')}"
+        yield f"{state_of(image)}{_kept(image)}"
     if image.complete and target is not None and image.stats["target_reached"] is False:
-        yield f"target error {target:g} not reached with {image.provenance['spp']} samples a pixel"
+        yield f"target error {target:g} not reached with {image.provenance['spp']} samples per pixel"
     if last:
         error = image.stats["estimated_error"]
-        known = f"estimated error {error:.2g}" if error == error else "error unknown"  # of one sample a pixel
+        known = f"estimated error {error:.2g}" if error == error else "error unknown"  # NaN with one sample per pixel
         compiling = image.stats["compile_seconds"]
         apart = f" ({compiling:.2f} s of it compiling, {last.seconds:.2f} s rendering)" if compiling >= NOTED else ""
         yield f"{seconds:.2f} s{apart}, {speed(last)}, {known}"
 
 
-def _kept(image: Render, words: str) -> str:
-    """Words with the place of a checkpoint in them; none where there is none."""
-    return words.format(image.checkpoint.path) if image.checkpoint and image.checkpoint.kept else ""
+def _kept(image: Render) -> str:
+    """The end of a message about the checkpoint; "" if there is none."""
+    return f"; --resume continues from {image.checkpoint.path}" if image.checkpoint and image.checkpoint.kept else ""

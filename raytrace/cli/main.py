@@ -1,6 +1,6 @@
-"""The command line: verbs, messages and exit codes.
+"""The command line: commands, messages and exit codes.
 
-Nothing heavy is imported before the command is known to need it, so ``--help`` and mistakes answer at once.
+Large packages are imported only when a command needs them, so ``--help`` and error messages appear at once.
 """
 
 import os
@@ -17,15 +17,15 @@ from raytrace.cli.terminal import ECHO, INTERRUPTED, Reporter, at_terminal, sign
 from raytrace.errors import RaytraceError, printable, without_scene_warnings
 
 DONE, INTERNAL, USAGE, FILE, DIFFERENT = 0, 1, 2, 4, 5  # 3, an invalid scene, is SceneError.exit_code
-QUICK = {  # what the program has no use for, and need not wait for
-    "OPENBLAS_NUM_THREADS": "1",  # NumPy would start threads for large matrices: 0.07 s of CPU
-    "PYDANTIC_DISABLE_PLUGINS": "__all__",  # pydantic would look for them among all packages: 0.01 s and more
+QUICK = {  # environment variables that skip slow steps of packages at import
+    "OPENBLAS_NUM_THREADS": "1",  # NumPy would start threads for linear algebra: 0.07 s of CPU time
+    "PYDANTIC_DISABLE_PLUGINS": "__all__",  # pydantic would search all packages for plugins: 0.01 s and more
 }
 EXAMPLES = """\
 examples:
   raytrace demo                                                writes demo.png
   raytrace scenes/cornell-box.json                             writes cornell-box.png
-  raytrace scene.json -o a.exr --spp 256 --aov depth,normal    more samples; linear light with layers
+  raytrace scene.json -o a.exr --spp 256 --aov depth,normal    more samples; linear radiance with layers
   raytrace explain scene.json                                  what the scene needs, and what is left out
 """
 
@@ -37,7 +37,7 @@ def _load(args: Namespace) -> "raytrace.Scene":
 
 
 def _demo(args: Namespace) -> int:
-    args.scene = Path("demo")  # which names the image
+    args.scene = Path("demo")  # the image file is named after it
     return _render(args, lambda _args: raytrace.demo())
 
 
@@ -47,11 +47,11 @@ def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _lo
     began = time.perf_counter()
     path = check_path(args.output or f"{args.scene.stem}.png")  # before time is spent on rendering
     if args.aov and path.suffix.lower() == ".png":
-        raise ArgumentError(None, f"--aov: a PNG has no room for layers; use -o {path.stem}.exr or {path.stem}.npz")
+        raise ArgumentError(None, f"--aov: a PNG file cannot contain layers; use -o {path.stem}.exr or {path.stem}.npz")
     say = (lambda _line: None) if args.quiet else streams.say
-    with signals_interrupt(ECHO) as signals, without_scene_warnings():  # printed here, with the place in the file
+    with signals_interrupt(ECHO) as signals, without_scene_warnings():  # printed here, with their position in the file
         scene = load(args)
-        from raytrace.cli.delivery import checkpoint_of, connected, deliver, nothing, place_of, remarks
+        from raytrace.cli.delivery import checkpoint_of, connected, deliver, nothing, path_of, remarks
         from raytrace.scene.checks import warnings_of
 
         for warning in warnings_of(scene, args.precision):
@@ -64,14 +64,14 @@ def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _lo
         if not image.provenance["samples"]:
             streams.say(nothing(image))
             return INTERRUPTED
-        with signals.held():  # what is drawn is written
-            place = place_of(image, path)
-            written, failure = deliver(image, place, args.exposure)
+        with signals.held():  # write the image
+            target = path_of(image, path)
+            written, failure = deliver(image, target, args.exposure)
             seconds = time.perf_counter() - began
             for line in remarks(image, reporter.last, seconds, args.target_error):
                 say(line)
-            if failure or place != path:
-                text = f"{path} exists and is left as it is; the partial image is in {written}"
+            if failure or target != path:
+                text = f"{path} exists and is not replaced; the incomplete image is in {written}"
                 streams.say(failure or printable(text))
             if args.json:
                 outcome = {"path": str(written), "seconds": seconds, "complete": image.complete}
@@ -81,7 +81,7 @@ def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _lo
     return FILE if failure else INTERRUPTED if image.interrupted or signals.came else DONE
 
 
-# The other verbs ------------------------------------------------------------------------------------------------------
+# The other commands ---------------------------------------------------------------------------------------------------
 
 
 def _explain(args: Namespace) -> int:
@@ -93,7 +93,7 @@ def _check(args: Namespace) -> int:
     scene = _load(args)
     for warning in scene.warnings:
         streams.out(f"warning: {warning}")
-    raytrace.explain(scene)  # says so where no precision holds the scene
+    raytrace.explain(scene)  # an error if no precision can represent the scene
     streams.out(f"{printable(args.scene)}: ok")
     return DONE
 
@@ -105,7 +105,7 @@ def _compare(args: Namespace) -> int:
         measured = raytrace.compare(args.image, args.reference)
     except RaytraceError:
         raise
-    except ValueError as error:  # of different size
+    except ValueError as error:  # the sizes differ
         streams.say(printable(f"{args.image}, {args.reference}: {error}"))
         return DIFFERENT
     broken = violations(measured, Limits(**{name: getattr(args, name) for name in Limits._fields}))
@@ -125,8 +125,8 @@ def _hard_cases(folder: Path) -> int:
     from raytrace.output_folder import check_folder
 
     check_folder(folder)
-    tell = (lambda name, k, n: streams.say(f"{k + 1}/{n} {name}")) if at_terminal() else None
-    outcome = suite.run(progress=tell)
+    progress = (lambda name, k, n: streams.say(f"{k + 1}/{n} {name}")) if at_terminal() else None
+    outcome = suite.run(progress=progress)
     streams.out(table.text(outcome), end="\n\n")
     for path in table.write(outcome, folder):
         streams.out(printable(path))
@@ -138,11 +138,11 @@ def _report(args: Namespace) -> int:
 
     if args.hard_cases:
         if args.scene:
-            raise ArgumentError(None, "report: a scene or --hard-cases, not both")
+            raise ArgumentError(None, "report: expected a scene or --hard-cases, not both")
         return _hard_cases(args.output)
     if not args.scene:
-        raise ArgumentError(None, "report: which scene? raytrace report scene.json -o DIR (or --hard-cases)")
-    with signals_interrupt(), without_scene_warnings():  # they are printed here, with the place in the file
+        raise ArgumentError(None, "report: expected a scene: raytrace report scene.json -o DIR (or --hard-cases)")
+    with signals_interrupt(), without_scene_warnings():  # they are printed here, with their position in the file
         scene = _load(args)
         with Reporter(streams.say, bar=at_terminal()) as reporter:
             options = {name: getattr(args, name) for name in ("reference", "budget", "size")}
@@ -178,50 +178,50 @@ def _doctor(_args: Namespace) -> int:
     return DONE
 
 
-# The door -------------------------------------------------------------------------------------------------------------
+# The entry point ------------------------------------------------------------------------------------------------------
 
 
-class Verb(NamedTuple):
-    """A word that the command line knows."""
+class Command(NamedTuple):
+    """A command of the command line, such as ``report``."""
 
     about: str
     run: Callable[[Namespace], int]
     options: Callable[[ArgumentParser], None] = lambda _parser: None
 
 
-VERBS = {
-    "render": Verb("draw a scene; may be left out", _render, arguments.render_options),
-    "demo": Verb("draw a small scene that comes with the package", _demo, arguments.demo_options),
-    "explain": Verb("show what a scene needs, what is left out, and why", _explain, arguments.scene_options),
-    "check": Verb("check a scene and its meshes without drawing", _check, arguments.scene_options),
-    "compare": Verb("measure how far a picture is from a reference", _compare, arguments.compare_options),
-    "report": Verb(
-        "measure speed against error, or how hard rays fare; write a page", _report, arguments.report_options
+COMMANDS = {
+    "render": Command("render a scene; this word may be omitted", _render, arguments.render_options),
+    "demo": Command("render a small scene that comes with the package", _demo, arguments.demo_options),
+    "explain": Command(
+        "show which features a scene needs, which are left out, and why", _explain, arguments.scene_options
     ),
-    "schema": Verb("print the JSON Schema of scene files", _schema),
-    "warmup": Verb("compile kernels now, not at the first picture", _warmup),
-    "doctor": Verb("show versions, processor, cache and optional packages", _doctor),
+    "check": Command("check a scene and its meshes without rendering", _check, arguments.scene_options),
+    "compare": Command("measure the error of an image against a reference", _compare, arguments.compare_options),
+    "report": Command("measure speed and error, or test hard rays; write a page", _report, arguments.report_options),
+    "schema": Command("print the JSON Schema of scene files", _schema),
+    "warmup": Command("compile kernels now instead of at the first render", _warmup),
+    "doctor": Command("show versions, processor, cache and optional packages", _doctor),
 }
 
 
-def _parser(name: str, verb: Verb) -> ArgumentParser:
-    parser = arguments.Parser("raytrace" if name == "render" else f"raytrace {name}", verb.about)
+def _parser(name: str, command: Command) -> ArgumentParser:
+    parser = arguments.Parser("raytrace" if name == "render" else f"raytrace {name}", command.about)
     if name == "render":
-        words = "".join(f"  {word:<10}{known.about}\n" for word, known in VERBS.items())
-        parser.description = f"Draw a scene.\n\n{EXAMPLES}\nverbs (raytrace VERB --help):\n{words}"
+        words = "".join(f"  {word:<10}{each.about}\n" for word, each in COMMANDS.items())
+        parser.description = f"Render a scene.\n\n{EXAMPLES}\ncommands (raytrace COMMAND --help):\n{words}"
         parser.add_argument("--version", action="version", version=f"raytrace {raytrace.__version__}")
-    verb.options(parser)
+    command.options(parser)
     return parser
 
 
 def _run(words: list[str]) -> int:
     first = words[0] if words and not words[0].startswith("-") else ""
-    if first in VERBS:
-        return VERBS[first].run(_parser(first, VERBS[first]).parse_args(words[1:]))
-    meant = arguments.suggestion(first, VERBS)
+    if first in COMMANDS:
+        return COMMANDS[first].run(_parser(first, COMMANDS[first]).parse_args(words[1:]))
+    meant = arguments.suggestion(first, COMMANDS)
     if meant and not Path(first).suffix and not Path(first).exists():
-        raise ArgumentError(None, f"'{first}' is neither a verb nor a file{meant}")
-    return VERBS["render"].run(_parser("render", VERBS["render"]).parse_args(words))
+        raise ArgumentError(None, f"'{first}' is neither a command nor a file{meant}")
+    return COMMANDS["render"].run(_parser("render", COMMANDS["render"]).parse_args(words))
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -230,17 +230,17 @@ def main(argv: list[str] | None = None) -> int:
     Parameters
     ----------
     argv : list of str, optional
-        The words after the program's name; by default those of this process.
+        The words after the program's name. Default: those of this process.
 
     Returns
     -------
     int
-        Exit code: 0 done, 1 internal failure, 2 command line (argparse itself leaves with it), 3 invalid scene,
+        Exit code: 0 done, 1 internal failure, 2 command line (also argparse itself), 3 invalid scene,
         4 unreadable or unwritable file, 5 comparison or hard cases failed, 130 interrupted.
 
     Examples
     --------
-    >>> main(["no-such-scene.json", "--output", "picture.png"])
+    >>> main(["no-such-scene.json", "--output", "image.png"])
     4
     """
     for name, value in QUICK.items():
@@ -248,13 +248,13 @@ def main(argv: list[str] | None = None) -> int:
     streams.prepare()
     try:
         code = _run(sys.argv[1:] if argv is None else argv)
-        streams.flush()  # a full disk shows here, not at exit
+        streams.flush()  # an error of a full disk appears here, not at exit
         return code
     except RaytraceError as error:
         streams.say(str(error))
         return error.exit_code
-    except MemoryError:  # less than was estimated to be free
-        streams.say("memory: there is not enough; take a smaller film by --size, smaller meshes, or fewer --threads")
+    except MemoryError:  # the estimate of free memory was too high
+        streams.say("memory: not enough; use a smaller image (--size), smaller meshes, or fewer --threads")
         return USAGE
     except ArgumentError as error:
         streams.say(f"raytrace: error: {printable(error)}")

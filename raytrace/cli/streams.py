@@ -1,4 +1,4 @@
-"""Standard output and error: text in whatever encoding they have, and nothing where they are closed."""
+"""Standard output and error: text in the encoding of the stream, and nothing where it is closed."""
 
 import contextlib
 import errno
@@ -9,14 +9,14 @@ from typing import Any, TextIO
 
 from raytrace.errors import printable
 
-GONE = (errno.EPIPE, errno.EINVAL) if os.name == "nt" else (errno.EPIPE,)  # errors of a pipe that nobody reads
+GONE = (errno.EPIPE, errno.EINVAL) if os.name == "nt" else (errno.EPIPE,)  # errors of a pipe without a reader
 
 
 def prepare() -> None:
-    """Make the standard streams usable where this process was started without them.
+    """Make the standard streams usable in a process that was started without them.
 
-    The numbers of closed streams are taken by the null device: the next file that is opened would get them, and what a
-    library writes to them.
+    Closed descriptors are connected to the null device. Otherwise, the next file that is opened would get such a
+    number, and would receive what a library writes to the stream.
     """
     for descriptor in range(3):
         try:
@@ -26,17 +26,17 @@ def prepare() -> None:
                 os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
-        if stream is None or getattr(stream, "closed", False):  # None: of pythonw, and where the descriptor was closed
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, as long as the process
+        if stream is None or getattr(stream, "closed", False):  # None: under pythonw, or if the descriptor was closed
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, open until the process ends
 
 
 def out(text: str, end: str = "\n") -> None:
-    """Print text on stdout; a reader that has gone is no failure.
+    """Print text on stdout; a closed pipe is no error.
 
     Raises
     ------
     OSError
-        It can't be written, as on a full disk.
+        The text can't be written, for example on a full disk.
     """
     try:
         sys.stdout.write(_fitting(f"{text}{end}", sys.stdout))
@@ -45,7 +45,7 @@ def out(text: str, end: str = "\n") -> None:
 
 
 def flush() -> None:
-    """Write what stdout holds; raises as `out` does."""
+    """Flush stdout; raises as `out` does."""
     try:
         sys.stdout.flush()
     except OSError as error:
@@ -53,16 +53,16 @@ def flush() -> None:
 
 
 def say(text: str) -> None:
-    """Print a message on stderr, if it can be written."""
+    """Print a message on stderr, if possible."""
     try:
         sys.stderr.write(_fitting(f"{text}\n", sys.stderr))
         sys.stderr.flush()
-    except OSError:  # the reader has gone, or the terminal is closed
+    except OSError:  # the reader is gone, or the terminal is closed
         discard(sys.stderr)
 
 
 def discard(stream: TextIO) -> None:
-    """Flush; what a full disk or a reader that has gone does not take, goes nowhere."""
+    """Flush a stream; if that fails (full disk, closed pipe), redirect it to the null device."""
     try:
         stream.flush()
     except OSError:
@@ -74,7 +74,7 @@ def discard(stream: TextIO) -> None:
 
 
 def json_text(value: Any) -> str:
-    """Write a value as one line of JSON; what JSON lacks as text, inf and NaN as null.
+    """Return a value as one line of JSON; types that JSON does not have become text, inf and NaN become null.
 
     Examples
     --------
@@ -104,7 +104,7 @@ def _unless_gone(error: OSError) -> None:
 
 
 def _fitting(text: str, stream: TextIO) -> str:
-    """Escape what a terminal would obey, and what the stream's encoding lacks."""
+    """Escape control characters, and characters that the stream's encoding does not have."""
     text = "\n".join(map(printable, text.split("\n")))
     encoding = getattr(stream, "encoding", None) or "utf-8"
     return text.encode(encoding, "backslashreplace").decode(encoding)

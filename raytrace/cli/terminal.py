@@ -1,4 +1,4 @@
-"""The person at the terminal: a notice and a bar while a picture is drawn, Ctrl-C and a closed terminal."""
+"""The terminal: a progress bar, a notice of compilation, Ctrl-C and a closed terminal."""
 
 import contextlib
 import os
@@ -13,15 +13,15 @@ from typing import Any, NoReturn, Self
 from raytrace.files import unfinished
 from raytrace.rendering.progress import Progress, speed
 
-BAR_AFTER = 0.5  # s: a picture that is done sooner needs no bar, nor the import of one
-ECHO = 0.05  # seconds: sooner nobody presses Ctrl-C again
-INTERRUPTED = 130  # exit code: 128 + SIGINT, as shells have it
-ENDING = "SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"  # signals that ask a process to end; the last is of Windows alone
+BAR_AFTER = 0.5  # seconds: a shorter render needs no bar, and no import of one
+ECHO = 0.05  # seconds: nobody presses Ctrl-C twice in a shorter time
+INTERRUPTED = 130  # exit code: 128 + SIGINT, as in shells
+ENDING = "SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"  # signals that ask a process to end; the last exists on Windows only
 SHOW_CURSOR = b"\x1b[?25h"  # the bar hides it   [ECMA-48 private mode 25]
 
 
 def at_terminal() -> bool:
-    """Whether messages reach a person at a terminal that can redraw a line."""
+    """Whether stderr is a terminal that can redraw a line."""
     return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
 
 
@@ -33,7 +33,7 @@ class Reporter:
     say : callable
         Shows one line of text.
     bar : bool
-        Draw a bar on stderr once the render has run for `BAR_AFTER`.
+        Show a progress bar on stderr after `BAR_AFTER` seconds.
     """
 
     def __init__(self, say: Callable[[str], None], *, bar: bool) -> None:
@@ -41,12 +41,12 @@ class Reporter:
         self._say = say
         self._wants_bar = bar
         self._compiling = False
-        self._bar: Any = None  # rich.progress.Progress, once it is shown
-        self._shown = ""  # the stage that it shows
-        self._task: Any = None  # of it
+        self._bar: Any = None  # a rich.progress.Progress, once it is shown
+        self._shown = ""  # the stage that the bar shows
+        self._task: Any = None  # the bar's task
 
     def __call__(self, event: Progress) -> None:
-        """Take in one event."""
+        """Receive a progress update."""
         if event.stage == "compiling" and not self._compiling:
             self._compiling = True
             self._say("compiling kernels (first run only)")
@@ -87,7 +87,7 @@ def _bar() -> Any:
     from rich import progress
     from rich.console import Console
 
-    return progress.Progress(  # rich itself obeys NO_COLOR
+    return progress.Progress(  # rich respects NO_COLOR
         progress.TextColumn("{task.description}"),
         progress.BarColumn(),
         progress.TaskProgressColumn(),
@@ -100,17 +100,17 @@ def _bar() -> Any:
 
 
 class Signals:
-    """The signals to end that came.
+    """The signals to end that the process has received.
 
     Parameters
     ----------
     echo : float, seconds
-        A second signal that comes sooner after the first is the same once more: ``timeout`` sends each of them twice.
+        A signal within this time of the first one counts as the same one: ``timeout`` sends each signal twice.
 
     Attributes
     ----------
     came : bool
-        Whether one came.
+        Whether a signal was received.
     """
 
     def __init__(self, echo: float) -> None:
@@ -119,7 +119,7 @@ class Signals:
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
-        """Let what is done within be finished: the first signal is noted, but raises nothing."""
+        """In this context, the first signal is recorded but raises nothing, so that the work can finish."""
         self._holding = True
         try:
             yield
@@ -127,7 +127,7 @@ class Signals:
             self._holding = False
 
     def first(self, numbers: Iterable[int]) -> None:
-        """Take the first signal."""
+        """Handle the first signal."""
         self.came, self._when = True, time.monotonic()
         for number in numbers:
             signal.signal(number, self._second)
@@ -140,7 +140,7 @@ class Signals:
 
 
 def _end() -> NoReturn:
-    """End the process at once; what is on the disk stays, but for files that are written just now."""
+    """End the process at once; only files that are not completely written are deleted."""
     if at_terminal():
         with contextlib.suppress(OSError):
             os.write(sys.stderr.fileno(), SHOW_CURSOR)
@@ -152,12 +152,12 @@ def _end() -> NoReturn:
 
 @contextlib.contextmanager
 def signals_interrupt(echo: float = 0.0) -> Iterator[Signals]:
-    """Let the first signal to end raise KeyboardInterrupt, as Ctrl-C always does, and the second end the process.
+    """Make the first signal to end raise KeyboardInterrupt, as Ctrl-C always does, and the second end the process.
 
-    Such are Ctrl-C, SIGTERM (``kill``, a batch system out of time) and SIGHUP (a closed terminal), which ``nohup`` has
-    ignored; on Windows Ctrl-Break, which is also what a closed console sends. After the first of them the handlers stay
-    until the process ends: so the second, however soon it comes, never finds those of before. What comes within
-    ``echo`` seconds of the first is not the second.
+    These signals are Ctrl-C, SIGTERM (``kill``, the time limit of a batch system) and SIGHUP (a closed terminal;
+    ``nohup`` ignores it), and on Windows Ctrl-Break (also sent by a closed console). After the first signal, the
+    handlers stay until the process ends, so that a second one never meets the previous handlers. A signal within
+    ``echo`` seconds of the first one is not counted as the second.
     """
     signals = Signals(echo)
     if threading.current_thread() is not threading.main_thread():  # only the main thread may set handlers

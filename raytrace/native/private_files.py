@@ -9,16 +9,16 @@ import contextlib
 import errno
 import os
 import stat
-import time
 from pathlib import Path
+
+from raytrace.files import replace_whole
 
 FOLDER, FILE = 0o700, 0o600  # modes
 OTHERS = stat.S_IWGRP | stat.S_IWOTH
 PROBE = 1 << 20  # bytes: more than the code of any kernel
 READ = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-POSIX, WINDOWS = hasattr(os, "geteuid"), os.name == "nt"
-ATTEMPTS, PAUSE = 8, 0.02  # to replace a file on Windows: the pauses double, 2.5 s in all
+POSIX = hasattr(os, "geteuid")
 
 
 class Untrusted(OSError):
@@ -102,29 +102,7 @@ def write(path: Path, content: bytes) -> None:
         It cannot be written.
     """
     _check(os.stat(path.parent), path.parent)
-    temporary = path.with_name(f".{os.urandom(8).hex()}.tmp")
-    try:
-        with open(os.open(temporary, CREATE, FILE), "wb") as stream:
-            stream.write(content)
-        if POSIX:
-            os.chmod(temporary, FILE)
-        replace(temporary, path)  # other processes see the old file or the new one, never a part
-    except BaseException:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise
-
-
-def replace(source: Path, target: Path) -> None:
-    """Rename a file onto another one; on Windows retry for a while, because a virus scanner may have either open."""
-    for attempt in range(ATTEMPTS):
-        try:
-            return os.replace(source, target)
-        except PermissionError:
-            if not WINDOWS or attempt == ATTEMPTS - 1:
-                raise
-            time.sleep(PAUSE * 2**attempt)
-    return None
+    replace_whole(path, [content], FILE)
 
 
 def nearest(folder: Path) -> Path:

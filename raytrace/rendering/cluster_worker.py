@@ -1,6 +1,6 @@
-"""What the workers of a cluster run: ``draw``, for parts of whatever picture comes.
+"""The code that cluster workers run: ``draw`` renders a work item of any image.
 
-A worker builds a scene's tree when it meets its first part, and keeps it with the last few pictures.
+A worker compiles a scene with the first work item of an image, and keeps the render threads of the last few images.
 """
 
 import threading
@@ -14,51 +14,50 @@ from numpy.typing import NDArray
 
 from raytrace.jit import on_compile
 from raytrace.records import Settings
-from raytrace.rendering.film_tiles import FilmTile, blank
+from raytrace.rendering.film_tiles import FilmTile, blank, pieces
 from raytrace.rendering.job import build
-from raytrace.rendering.kernels import Picture, compile_ahead, picture_of
+from raytrace.rendering.kernels import Traits, compile_ahead, traits_of
 from raytrace.rendering.threads import RenderThreads
 from raytrace.rendering.wavefront import BATCH
-from raytrace.rendering.work_items import pieces
 from raytrace.scene.plan import make_plan
 
-CREWS = 4  # that a worker keeps
+KEPT = 4  # images whose render threads a worker keeps
 
 
 class Order(NamedTuple):
-    """What a worker must know of a picture beside its scene."""
+    """What a worker needs to render an image, besides its scene."""
 
     scene: str  # its hash
     settings: Settings
     precision: str
 
 
-class Drawn(NamedTuple):
-    """What comes back."""
+class Rendered(NamedTuple):
+    """The result of a work item."""
 
     sums: NDArray[np.float64]  # (12, n) of the pixels
-    rays: Counter[str]  # traced for this part, by kind
+    rays: Counter[str]  # traced for this item, by kind
     seconds: dict[str, float]  # spent on it, by pass
 
 
 class Refusal(NamedTuple):
-    """A worker's answer when it has another version."""
+    """The answer of a worker that has another version of raytrace."""
 
     worker: str
     build: str
 
 
-_crews: OrderedDict[Order, RenderThreads] = OrderedDict()
-_turn = threading.Lock()
+_threads: OrderedDict[Order, RenderThreads] = OrderedDict()
+_lock = threading.Lock()
 
 
-def hold(scene: bytes) -> bytes:
-    """The pickled scene as the result of a task, which workers hand to each other."""
+def share(scene: bytes) -> bytes:
+    """Return the pickled scene: as the result of a task, workers copy it from each other."""
     return scene
 
 
-def draw(caller: str, *work: Any) -> Drawn | Refusal:
-    """Draw a part, for a caller of the same version."""
+def draw(caller: str, *work: Any) -> Rendered | Refusal:
+    """Render a work item for a caller that has the same version of raytrace."""
     if caller != build():
         from distributed import get_worker
 
@@ -66,40 +65,40 @@ def draw(caller: str, *work: Any) -> Drawn | Refusal:
     return _draw(*work)
 
 
-def _draw(scene: bytes, order: Order, x: Any, y: Any, samples: tuple[int, int], sums: Any) -> Drawn:
-    crew = _crew_of(scene, order)
-    rays, seconds = crew.mine()
-    sheet = blank(np.array(x), np.array(y))  # what came over the wire may be neither aligned nor writable
+def _draw(scene: bytes, order: Order, x: Any, y: Any, samples: tuple[int, int], sums: Any) -> Rendered:
+    threads = _threads_of(scene, order)
+    rays, seconds = threads.mine()
+    tile = blank(np.array(x), np.array(y))  # copies: arrays from the network may be unaligned or read-only
     if sums is not None:
-        sheet.sums[:] = sums
-    for piece in pieces(len(sheet.x), BATCH // (samples[1] - samples[0])):  # as large as threads have them elsewhere
-        crew.draw(FilmTile(sheet.x[piece], sheet.y[piece], sheet.film, piece.start), *samples)
-    rays_after, seconds_after = crew.mine()
+        tile.sums[:] = sums
+    for piece in pieces(len(tile.x), BATCH // (samples[1] - samples[0])):  # as large as in a local render
+        threads.draw(FilmTile(tile.x[piece], tile.y[piece], tile.film, piece.start), *samples)
+    rays_after, seconds_after = threads.mine()
     spent = {name: after - seconds.get(name, 0.0) for name, after in seconds_after.items()}
-    return Drawn(sheet.sums, rays_after - rays, spent)
+    return Rendered(tile.sums, rays_after - rays, spent)
 
 
-def _crew_of(scene: bytes, order: Order) -> RenderThreads:
-    """The crew of a picture; made by the first thread that needs it, while the others wait."""
-    with _turn:
-        if order not in _crews:
-            _crews[order] = _make(scene, order)
-            while len(_crews) > CREWS:
-                _crews.popitem(last=False)
-        _crews.move_to_end(order)
-        return _crews[order]
+def _threads_of(scene: bytes, order: Order) -> RenderThreads:
+    """Return the render threads of an image; the first thread that needs them makes them, and the others wait."""
+    with _lock:
+        if order not in _threads:
+            _threads[order] = _make(scene, order)
+            while len(_threads) > KEPT:
+                _threads.popitem(last=False)
+        _threads.move_to_end(order)
+        return _threads[order]
 
 
 def _make(content: bytes, order: Order) -> RenderThreads:
-    alike = [crew for other, crew in _crews.items() if other.scene == order.scene]
+    alike = [threads for other, threads in _threads.items() if other.scene == order.scene]
     scene = alike[0].scene if alike else loads(content)
     plan = make_plan(scene)
-    needed = picture_of(scene, plan, order.precision, order.settings.sampler)
-    with on_compile(partial(_compile, needed)):
-        crew = RenderThreads(scene, plan, order.precision, order.settings)
-        crew.load_kernels()
-    return crew
+    traits = traits_of(scene, plan, order.precision, order.settings.sampler)
+    with on_compile(partial(_compile, traits)):
+        threads = RenderThreads(scene, plan, order.precision, order.settings)
+        threads.load_kernels()
+    return threads
 
 
-def _compile(picture: Picture) -> None:
-    compile_ahead([picture], lambda _done, _total: None)
+def _compile(traits: Traits) -> None:
+    compile_ahead([traits], lambda _done, _total: None)

@@ -1,6 +1,9 @@
-"""The film of one picture, and the parts of it that are handed out to be drawn on."""
+"""The film of one image, and how it is cut into work items: in space by tiles, in samples by rounds."""
 
-from typing import NamedTuple, cast
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,92 +12,184 @@ from raytrace.accel.lanes import PACKET
 from raytrace.passes.estimate import Model, estimate
 from raytrace.passes.film import Film, Frame, blank_frame, develop, make_film, make_frame, put, taken
 from raytrace.records import Window
-from raytrace.rendering.work_items import WorkItem, curve
 
-ALL = 2**31 - 1  # more samples than a pixel has
+TILE = 32  # pixels: side of a tile
+ALL = 2**31 - 1  # more samples than a pixel can have
+LONG = 2.0  # seconds: a render that is expected to take longer works in rounds
+FIRST = 0.25  # seconds that the first round should take at least; each round costs about 60 ns per pixel
+LEAP = 8  # the largest factor by which a round may multiply the samples while they are few: fewer rounds cost less
+
+
+class WorkItem(NamedTuple):
+    """The same range of samples of some pixels, in an order that keeps neighbours together."""
+
+    first: int
+    last: int  # the one after the last
+    pixels: slice | NDArray[np.int64]  # of the film; a slice holds whole packets; in the order of ``curve``
 
 
 class FilmTile(NamedTuple):
-    """What a part is drawn on: whole packets of pixels, with the sums of the samples that they have."""
+    """The pixels of a work item, in whole packets, with the sums of the samples that they have so far."""
 
     x: NDArray[np.uint32]  # (n,) columns of the pixels
     y: NDArray[np.uint32]  # (n,) rows
     film: Film
-    begin: int  # where the first pixel lies in the film
+    begin: int  # index of the first pixel in the film
 
     @property
     def sums(self) -> NDArray[np.float64]:
-        """Sums of the pixels (12, n), as they lie in the film."""
+        """Sums of the pixels (12, n), a view of the film."""
         return self.film.sums[:, self.begin : self.begin + len(self.x)]
 
 
 def blank(x: NDArray[np.uint32], y: NDArray[np.uint32]) -> FilmTile:
-    """A sheet of its own without a sample, for whole packets of pixels."""
+    """Return a tile without samples, in memory of its own, for whole packets of pixels."""
     return FilmTile(x, y, make_film(len(x)), 0)
 
 
 class FilmTiles:
-    """The film of a window, its pixels in the order of ``curve``.
+    """The film of a window; its pixels lie in the order of ``curve``.
 
     Parameters
     ----------
     window : Window
     model : Model
-        Of the sampler: what errors are estimated by.
+        Error model of the sampler.
 
     Attributes
     ----------
     film : Film
     at : (m,) array of int
-        Places of the film's pixels in the window, row after row.
+        Position of each pixel of the film in the window, row by row.
     """
 
     def __init__(self, window: Window, model: Model) -> None:
         self.at = curve(window)
         self.film = make_film(len(self.at))
-        self._model, self._last = (
-            model,
-            cast(Frame | None, None),
-        )  # the frame of the last pass, for pixels that are drawn on in the next
+        self._model = model
+        self._last: Frame | None = None  # the image of the last complete round, of pixels that are in the next
         y, x = np.divmod(np.pad(self.at, (0, len(self.film.samples) - len(self.at)), "edge"), window.width)
         self._x, self._y = (x + window.x).astype(np.uint32), (y + window.y).astype(np.uint32)
 
-    def places(self, pixels: NDArray[np.int64]) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    def positions(self, pixels: NDArray[np.int64]) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
         """Columns and rows of pixels of the film."""
         return self._x[pixels], self._y[pixels]
 
-    def keep_passes(self) -> None:
-        """From now on, remember what each pixel showed before it is drawn on in another pass."""
+    def keep_rounds(self) -> None:
+        """From now on, keep the value of each pixel before another round adds samples to it."""
         self._last = blank_frame(len(self.at))
 
-    def lend(self, part: WorkItem) -> FilmTile:
-        """The sheet of a part: the film itself, or a copy where its pixels do not lie side by side in whole packets."""
-        pixels = part.pixels
+    def get(self, item: WorkItem) -> FilmTile:
+        """Return the tile of a work item: a view of the film, or a copy where the pixels are not contiguous packets."""
+        pixels = item.pixels
         if isinstance(pixels, slice):
-            if self._last and part.first:
-                develop(self.film, self.at[pixels], pixels.start, part.first, self._last)
+            if self._last and item.first:
+                develop(self.film, self.at[pixels], pixels.start, item.first, self._last)
             return FilmTile(self._x[pixels], self._y[pixels], self.film, pixels.start)
         padded = np.append(pixels, np.repeat(pixels[-1:], -len(pixels) % PACKET))
         return FilmTile(self._x[padded], self._y[padded], taken(self.film, padded), 0)
 
-    def take_back(self, part: WorkItem, sheet: FilmTile, samples: int) -> NDArray[np.float64]:
-        """Take back a sheet whose pixels have so many samples now; their means as shown (3, n)."""
-        n = len(sheet.x)
-        sheet.film.samples[sheet.begin : sheet.begin + n] = samples
+    def merge(self, item: WorkItem, tile: FilmTile, samples: int) -> NDArray[np.float64]:
+        """Merge a tile whose pixels now have so many samples; return their means as shown (3, n)."""
+        n = len(tile.x)
+        tile.film.samples[tile.begin : tile.begin + n] = samples
         shown = np.empty((3, n))
-        estimate(sheet.film, sheet.begin, sheet.begin + n, self._model, shown.reshape(-1))
-        if not isinstance(part.pixels, slice):
-            put(self.film, part.pixels, sheet.film)
+        estimate(tile.film, tile.begin, tile.begin + n, self._model, shown.reshape(-1))
+        if not isinstance(item.pixels, slice):
+            put(self.film, item.pixels, tile.film)
         return shown
 
-    def fill(self, part: WorkItem, sheet: FilmTile, sums: NDArray[np.float64]) -> None:
-        """Put sums on a sheet, in a thread that may be interrupted: its pixels count as drawn on from the start."""
-        sheet.film.samples[sheet.begin : sheet.begin + len(sheet.x)] = part.last
-        sheet.sums[:] = sums
+    def fill(self, item: WorkItem, tile: FilmTile, sums: NDArray[np.float64]) -> None:
+        """Copy sums into a tile. The sample counts change first, so that Ctrl-C never leaves new sums uncounted."""
+        tile.film.samples[tile.begin : tile.begin + len(tile.x)] = item.last
+        tile.sums[:] = sums
 
     def develop(self, most: int = ALL) -> Frame:
-        """What the film shows; pixels with more samples than ``most`` are as they were before they were drawn on."""
+        """Return the image; pixels with more than ``most`` samples have their value of the last complete round."""
         pixels = len(self.at)
         frame = self._last or (make_frame if most == ALL else blank_frame)(pixels)
         develop(self.film, self.at, 0, most, frame)
         return frame
+
+
+def curve(window: Window) -> NDArray[np.int64]:
+    """Pixels of a window, row by row, in the order of a Z curve through each tile, tile after tile.
+
+    So any packet is a compact block   [Morton1966].
+    """
+    y, x = np.mgrid[0:TILE, 0:TILE]
+    code = sum(((x >> bit & 1) << 2 * bit) | ((y >> bit & 1) << 2 * bit + 1) for bit in range(TILE.bit_length() - 1))
+    order = np.argsort(np.ravel(code))
+    x, y = x.ravel()[order], y.ravel()[order]
+    tops, lefts = np.mgrid[0 : window.height : TILE, 0 : window.width : TILE].reshape(2, -1, 1)
+    x, y = (lefts + x).ravel(), (tops + y).ravel()
+    inside = (x < window.width) & (y < window.height)
+    return y[inside] * window.width + x[inside]
+
+
+def inverse(order: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The permutation that undoes another."""
+    positions = np.empty_like(order)
+    positions[order] = np.arange(len(order))
+    return positions
+
+
+def pieces(pixels: int, at_least: int) -> list[slice]:
+    """Cut the pixels of a film into pieces of one tile, or of as many tiles as have ``at_least`` pixels."""
+    step = TILE**2 * max(1, at_least // TILE**2)
+    return [slice(k, min(k + step, pixels)) for k in range(0, pixels, step)]
+
+
+def grown(
+    pixels: NDArray[np.int64], samples: NDArray[np.int32], goal: NDArray[np.int32], at_least: int = 0
+) -> Iterator[WorkItem]:
+    """Work items for more samples of pixels: those with the same number of samples and the same goal go together."""
+    kind = samples.astype(np.int64) << 32 | goal
+    for each in np.unique(kind).tolist():
+        same = pixels[kind == each]
+        step = max(TILE**2, at_least)
+        for k in range(0, len(same), step):
+            yield WorkItem(each >> 32, each & 0xFFFFFFFF, same[k : k + step])
+
+
+def first_round(spp: int, seconds: float) -> int:
+    """Samples of each pixel in the first round, a power of two, or 0: all in one round.
+
+    A render in rounds has a complete image after the first of them, with few samples, and then with more and more. So
+    Ctrl-C and a time limit leave an image without black parts. The result is bit-identical: the samples of a pixel are
+    summed in their order, in one round or in many.
+
+    Parameters
+    ----------
+    spp : int
+        Samples of each pixel in all.
+    seconds : float
+        The time that they are expected to take.
+
+    >>> first_round(64, 1.9), first_round(64, 5.0), first_round(200, 9.0), first_round(8, 3600.0)
+    (0, 4, 8, 1)
+    """
+    if seconds <= LONG:
+        return 0
+    return 1 << max(0, math.ceil(math.log2(spp * FIRST / seconds)))
+
+
+def rounds(spp: int, first: int, leap: int = 2) -> list[tuple[int, int]]:
+    """Ranges of samples: one for all of them, or rounds that grow, so that a complete image exists early.
+
+    Parameters
+    ----------
+    spp : int
+    first : int
+        Samples in the first round; 0: all in one round.
+    leap : int
+        Each round doubles the samples, or multiplies them by up to 8 if ``leap`` allows it, up to 3/8 of all.
+
+    >>> rounds(20, 4), rounds(20, 0), rounds(200, 8, 8)
+    ([(0, 4), (4, 8), (8, 16), (16, 20)], [(0, 20)], [(0, 8), (8, 64), (64, 128), (128, 200)])
+    """
+    bounds = [0]
+    while first and first < spp:
+        bounds.append(first)
+        first *= next(k for k in (8, 4, 2) if k == 2 or (k <= leap and 8 * k * first <= 3 * spp))
+    return list(pairwise([*bounds, spp]))

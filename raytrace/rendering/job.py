@@ -1,4 +1,4 @@
-"""What a picture is drawn from: all that decides its bits."""
+"""A job: everything that decides the bits of an image."""
 
 from functools import cache
 from hashlib import sha256
@@ -7,35 +7,32 @@ from typing import Any, NamedTuple
 
 import raytrace
 from raytrace.records import Scene, Settings, Window
-from raytrace.rendering.adaptive import FIRST
+from raytrace.scene.plan import Plan
 
 
 class Job(NamedTuple):
-    """A scene, and what is wanted of it."""
+    """A scene, and how it is to be rendered."""
 
     scene: Scene
+    plan: Plan
     settings: Settings
     window: Window
     precision: str  # "float32" or "float64"
-    target: float | None  # error of the picture, RMSE in sRGB; None: all pixels have the same samples
-
-    @property
-    def first_spp(self) -> int:
-        """Samples that all pixels have before any of them gets more."""
-        return self.settings.spp if self.target is None else min(FIRST, self.settings.spp)
+    target: float | None  # target error, RMSE in sRGB; None: all pixels have the same number of samples
+    first_spp: int  # samples of every pixel before adaptive sampling starts; without a target error: all
 
 
 class Tiling(NamedTuple):
-    """How a picture is cut into parts; it decides none of its bits."""
+    """How an image is cut into work items; it changes no bit of the image."""
 
-    first: int | None = None  # samples of each pixel in the first pass over the film; 0: all; None: not yet known
-    leap: int = 2  # by how much a pass may multiply the samples
-    at_least: int = 0  # pixels of a part
-    work: int = 0  # samples of a part at least
+    first: int | None = None  # samples of each pixel in the first round; 0: all; None: not yet known
+    leap: int = 2  # the largest factor by which a round may multiply the samples
+    at_least: int = 0  # pixels of a work item
+    work: int = 0  # samples of a work item at least
 
 
 def identity(job: Job) -> dict[str, Any]:
-    """What two pictures have in common if they have the same bits, as JSON types."""
+    """Return what decides the bits of an image, as JSON types: two images are bit-identical where it is equal."""
     settings = job.settings
     return {
         "raytrace": raytrace.__version__,
@@ -52,13 +49,13 @@ def identity(job: Job) -> dict[str, Any]:
 
 
 def build() -> str:
-    """Which raytrace this is."""
+    """Return version and source hash of this package."""
     return f"{raytrace.__version__} ({sources()})"
 
 
 @cache
 def sources() -> str:
-    """A hash of this package as it is installed: two versions of one number differ while they are worked on."""
+    """Return a hash of this package as installed: during development, equal version numbers may differ in code."""
     digest, package = sha256(), Path(__file__).parents[1]
     for path in sorted(package.rglob("*.py")):
         digest.update(path.relative_to(package).as_posix().encode() + b"\n" + path.read_bytes())

@@ -1,7 +1,7 @@
-"""A file of records that is only ever appended to: whatever kills its writer, the whole records in it stay readable.
+"""A journal: a file of records that only grows, so that its complete records stay readable if the writer is killed.
 
-A record has a number, its content, its length, and a checksum of all three. The first says what the file is, in JSON.
-What a kill, or a full disk, left of the last one is told from a whole one, and cut off.
+A record has a number, its content, its length, and a checksum of all three. The first record is the title, in JSON. An
+incomplete last record, after a kill or on a full disk, is detected by its checksum and truncated.
 """
 
 import contextlib
@@ -17,11 +17,11 @@ from raytrace.errors import FileError
 from raytrace.files import open_regular, write_whole
 
 HEAD = struct.Struct("<IIQ")  # of a record: CRC-32 of all that follows, its number, bytes of its content
-LONGEST = 1 << 20  # bytes of a title
+LONGEST = 1 << 20  # most bytes of a title
 
 
 class Place(NamedTuple):
-    """Where in a file the content of a record lies."""
+    """Position of a record's content in the file."""
 
     offset: int
     length: int  # bytes
@@ -37,23 +37,23 @@ class Journal:
     Attributes
     ----------
     places : dict of int to Place
-        By number, of the records that were there when it was opened.
+        By number: the records that existed when the file was opened.
     """
 
     def __init__(self, path: Path) -> None:
         self.path, self.places = path, dict[int, Place]()
         self._file = -1  # open for appending; -1: closed
-        self._end = 0  # of the last whole record
+        self._end = 0  # of the last complete record
 
     def title(self) -> Any:
-        """What the file says that it is, as JSON types; None: there is no file; "": it says nothing that is JSON.
+        """Return the title as JSON types; None if there is no file, "" if the title is no JSON.
 
         Raises
         ------
         FileError
-            It isn't one of these, or can't be read.
+            The file is no journal, or can't be read.
         """
-        with self._telling("read"):
+        with self._reporting("read"):
             try:
                 with open_regular(self.path, "a checkpoint") as stream:
                     head = stream.read(HEAD.size)
@@ -63,19 +63,19 @@ class Journal:
                 return None
         if _checksum(number, content) == checksum:
             return parsed(content) or ""
-        raise FileError(f"{self.path}: is no checkpoint; delete or rename it")
+        raise FileError(f"{self.path}: not a checkpoint; delete or rename it")
 
     def create(self, title: Any) -> None:
-        """Begin a new file, which appears with its title or not at all; a FileError where that can't be done."""
+        """Create the file, which appears complete with its title or not at all; FileError if that fails."""
         content = json.dumps(title).encode()
         write_whole(self.path, _head(0, content), content)
         self._lock()
         self._end = HEAD.size + len(content)
 
     def open(self) -> None:
-        """Go on with a file that is there: find its whole records, and cut off what follows them."""
+        """Open an existing file: find its complete records, and truncate what follows them."""
         self._lock()
-        with self._telling("read"), open_regular(self.path, "a checkpoint") as stream:
+        with self._reporting("read"), open_regular(self.path, "a checkpoint") as stream:
             size = os.fstat(stream.fileno()).st_size
             while len(head := stream.read(HEAD.size)) == HEAD.size:
                 checksum, number, length = HEAD.unpack(head)
@@ -88,7 +88,7 @@ class Journal:
         self._cut()
 
     def read(self, number: int) -> bytes | None:
-        """Content of a record that was there when the file was opened; None: it wasn't, or can't be read any more."""
+        """Return the content of a record that existed when the file was opened; None if missing or unreadable."""
         place = self.places.get(number)
         with contextlib.suppress(OSError):
             if place:
@@ -98,38 +98,38 @@ class Journal:
         return None
 
     def append(self, records: Sequence[tuple[int, bytes]]) -> None:
-        """Append records, all or none; a FileError where that can't be done."""
+        """Append records, all or none; FileError if that fails."""
         try:
-            with self._telling("written"):
+            with self._reporting("written"):
                 for number, content in records:
                     for rest in (memoryview(_head(number, content)), memoryview(content)):
                         while rest:
                             rest = rest[os.write(self._file, rest) :]
-        except BaseException:  # also Ctrl-C in the midst
+        except BaseException:  # also Ctrl-C in the middle
             self._cut()
             raise
         self._end += sum(HEAD.size + len(content) for _, content in records)
 
     def sync(self) -> None:
-        """Have the system put on the disk what was written, lest a power cut take it."""
+        """Ask the system to put written data on the disk, so that it survives a power cut."""
         if self.is_open:
-            with contextlib.suppress(OSError):  # a file system that can't
+            with contextlib.suppress(OSError):  # not supported by the file system
                 os.fsync(self._file)
 
     @property
     def is_open(self) -> bool:
-        """Whether it can be appended to."""
+        """Whether records can be appended."""
         return self._file >= 0
 
     def close(self) -> None:
-        """Let others write the file."""
+        """Close the file; other processes may then write it."""
         if self.is_open:
             os.close(self._file)
             self._file = -1
 
     def _lock(self) -> None:
-        """Open the file for this process alone; where locks are unknown, for whoever does."""
-        with self._telling("written"):
+        """Open the file and lock it for this process; on systems without locks, only open it."""
+        with self._reporting("written"):
             self._file = os.open(self.path, os.O_RDWR | os.O_APPEND | getattr(os, "O_BINARY", 0))
         try:
             import fcntl
@@ -137,17 +137,17 @@ class Journal:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             self.close()
-            raise FileError(f"{self.path}: another render writes it; wait, or choose another output") from None
+            raise FileError(f"{self.path}: another render is using it; wait, or choose another output") from None
         except (ImportError, OSError):  # Windows; a file system without locks
             pass
 
     def _cut(self) -> None:
-        """Take back what was written of a record."""
+        """Truncate the file after the last complete record."""
         with contextlib.suppress(OSError):
             os.ftruncate(self._file, self._end)
 
     @contextlib.contextmanager
-    def _telling(self, what: str) -> Any:
+    def _reporting(self, what: str) -> Any:
         try:
             yield
         except FileError:
@@ -157,7 +157,7 @@ class Journal:
 
 
 def parsed(content: bytes) -> Any:
-    """JSON as Python has it; "" where it is none."""
+    """Parse JSON; "" where it is invalid."""
     try:
         return json.loads(content)
     except (ValueError, RecursionError):  # no JSON, no UTF-8, too many digits; brackets a thousand deep

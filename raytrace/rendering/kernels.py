@@ -1,6 +1,6 @@
-"""Which kernels a picture needs, with arguments of the kinds that it gives them: to have them compiled side by side.
+"""The kernels that a render needs, with arguments of the right types, so that they can be compiled in parallel.
 
-Nothing depends on these lists: a kernel that they lack is compiled when it is called.
+No result depends on these lists: a kernel that is missing here is compiled when it is first called.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -24,7 +24,8 @@ from raytrace.passes.refraction import land, refract_rays
 from raytrace.passes.sampling import make_sampler
 from raytrace.passes.surface import surface
 from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Columns, Lights, Materials, Mesh, Rays, Scene, Settings
-from raytrace.rendering.wavefront import Wavefront, compile_scene
+from raytrace.rendering.compiled_scene import compile_scene
+from raytrace.rendering.wavefront import Wavefront
 from raytrace.scene.plan import Plan, make_plan
 
 if TYPE_CHECKING:
@@ -33,8 +34,8 @@ if TYPE_CHECKING:
 Call = tuple[Callable[..., Any], tuple[Any, ...]]  # a kernel and its arguments
 
 
-class Picture(NamedTuple):
-    """What of a picture decides which kernels it needs."""
+class Traits(NamedTuple):
+    """Properties of a render that decide which kernels it needs."""
 
     precision: str
     sampler: str
@@ -43,61 +44,61 @@ class Picture(NamedTuple):
     lit: bool = True  # there is a light
     large: bool = False  # a mesh has more than `SMALL_MESH` triangles
     layers: bool = False  # there are layers (AOVs)
-    aimed: bool = False  # an error is wanted
+    adaptive: bool = False  # there is a target error
 
 
-def picture_of(
-    scene: Scene, plan: Plan, precision: str, sampler: str, *, layers: bool = False, aimed: bool = False
-) -> Picture:
-    """What of a scene's picture decides which kernels it needs."""
+def traits_of(
+    scene: Scene, plan: Plan, precision: str, sampler: str, *, layers: bool = False, adaptive: bool = False
+) -> Traits:
+    """Return the traits of a render of a scene."""
     large = len(scene.mesh.faces) > SMALL_MESH
-    return Picture(precision, sampler, plan.smooth, plan.refraction, plan.lights > 0, large, layers, aimed)
+    return Traits(precision, sampler, plan.smooth, plan.refraction, plan.lights > 0, large, layers, adaptive)
 
 
-def needs(picture: Picture) -> list[Call]:
-    """Kernels for a picture; those that take longest to compile come first."""
-    scene = _small_scene(picture)
-    stage = compile_scene(scene, make_plan(scene), picture.precision)
-    view = make_view(scene.camera, scene.settings.size, np.dtype(picture.precision))
-    front = Wavefront(stage, view, make_sampler(picture.sampler, 0, 1), PACKET)
+def needs(traits: Traits) -> list[Call]:
+    """List the kernels for a render; those that take longest to compile come first."""
+    scene = _small_scene(traits)
+    compiled = compile_scene(scene, make_plan(scene), traits.precision)
+    view = make_view(scene.camera, scene.settings.size, np.dtype(traits.precision))
+    front = Wavefront(compiled, view, make_sampler(traits.sampler, 0, 1), PACKET)
     calls = list(tracing(front))
-    if picture.large:
-        calls += _building(np.dtype(picture.precision), stage.bvh.triangle)
-    if picture.layers:
-        calls += _sorting(stage.bvh)
-    if picture.aimed:
+    if traits.large:
+        calls += _building(np.dtype(traits.precision), compiled.bvh.triangle)
+    if traits.layers:
+        calls += _sorting(compiled.bvh)
+    if traits.adaptive:
         calls.append((edges, (np.zeros(0), 0, np.zeros(0), np.zeros(0), np.zeros(0))))
         calls.append((weigh, (np.zeros(0), 0, np.zeros(0), 0, np.zeros(0))))
     return calls
 
 
-def compile_ahead(pictures: Iterable[Picture], report: Callable[[int, int], None]) -> "list[Task]":
-    """Have all compiled side by side that pictures need and the store lacks, as far as that can be done.
+def compile_ahead(renders: Iterable[Traits], report: Callable[[int, int], None]) -> "list[Task]":
+    """Compile in parallel, as far as possible, all kernels that renders need and the store does not have.
 
     Parameters
     ----------
-    pictures : iterable of Picture
+    renders : iterable of Traits
     report : callable
-        Is called here with how much of the work is done, and how much it is.
+        Called in this thread with the work that is done, and all work.
 
     Returns
     -------
     list of (Kernel, kinds of arguments)
-        What it lacked.
+        The kernels that the store did not have.
     """
     from raytrace.native.workers import compile_all, missing
 
-    tasks = missing(call for picture in pictures for call in needs(picture))
+    tasks = missing(call for traits in renders for call in needs(traits))
     compile_all(tasks, report)
     return tasks
 
 
-def _small_scene(picture: Picture) -> Scene:
-    """Two triangles that have it all, so few that the interpreter builds their tree."""
+def _small_scene(traits: Traits) -> Scene:
+    """Two triangles with these traits; their tree is so small that no kernel builds it."""
     triangle = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
-    normals = np.broadcast_to([0.0, 0.0, 1.0], (2, 3, 3)).copy() if picture.smooth else None
-    kinds, flags = np.array([DIFFUSE, REFRACTIVE if picture.refractive else DIFFUSE], np.int8), np.zeros(2, np.bool_)
-    place = np.array([[0.0, 0.0, 3.0]])
+    normals = np.broadcast_to([0.0, 0.0, 1.0], (2, 3, 3)).copy() if traits.smooth else None
+    kinds, flags = np.array([DIFFUSE, REFRACTIVE if traits.refractive else DIFFUSE], np.int8), np.zeros(2, np.bool_)
+    position = np.array([[0.0, 0.0, 3.0]])
     return Scene(
         source=None,
         about="",
@@ -105,7 +106,7 @@ def _small_scene(picture: Picture) -> Scene:
         settings=Settings((8, 8), 2, 4, "sobol", "auto", 0),
         background=np.zeros(3),
         materials=Materials(("white", "glass"), kinds, np.ones((2, 3)), np.ones(2), flags, flags),
-        lights=Lights(place, np.ones((1, 3))) if picture.lit else Lights(place[:0], place[:0]),
+        lights=Lights(position, np.ones((1, 3))) if traits.lit else Lights(position[:0], position[:0]),
         mesh=Mesh(
             np.concatenate([triangle, triangle + [0.0, 0.0, 1.0]]),
             np.arange(6).reshape(2, 3),
@@ -124,26 +125,26 @@ def _rays(dtype: np.dtype) -> Rays:
 
 
 def tracing(front: Wavefront) -> Iterator[Call]:
-    """Kernels that a wavefront calls."""
-    stage, samples, dtype = front.stage, front.samples, front.radiance.dtype
+    """Yield the kernels that a wavefront calls."""
+    compiled, samples, dtype = front.compiled, front.samples, front.radiance.dtype
     colour = np.zeros(3, dtype)
-    yield query.closest_hit, (stage.bvh.tree, _rays(dtype), samples.hits, 0, front.work)
-    if stage.plan.lights:
-        yield query.any_hit, (stage.bvh.tree, _rays(dtype), front.shadows.occluded, 0, front.work)
-    if stage.plan.refraction:
-        yield refract_rays, (stage.shading, stage.normals, samples, 0, samples)
+    yield query.closest_hit, (compiled.bvh.tree, _rays(dtype), samples.hits, 0, front.work)
+    if compiled.plan.lights:
+        yield query.any_hit, (compiled.bvh.tree, _rays(dtype), front.shadows.occluded, 0, front.work)
+    if compiled.plan.refraction:
+        yield refract_rays, (compiled.shading, compiled.normals, samples, 0, samples)
     pixels, numbers = np.zeros(PACKET, np.uint32), np.zeros(2, np.int64)
     yield camera_rays, (front.view, front.sampler, pixels, pixels, numbers, samples.d)
-    if stage.plan.lights:
-        yield surface, (stage.shading, stage.normals, samples.d, samples.hits, front.points)
+    if compiled.plan.lights:
+        yield surface, (compiled.shading, compiled.normals, samples.d, samples.hits, front.points)
         yield shadow_rays, (front.points, colour, front.shadows)
-        yield reflect_light, (stage.shading, front.points, front.shadows, colour, front.radiance)
+        yield reflect_light, (compiled.shading, front.points, front.shadows, colour, front.radiance)
     film = make_film(PACKET)
     yield accumulate, (front.radiance, 0, 0, film.sums, 0, PACKET)
     yield errors, (film.sums.reshape(-1), 0, np.zeros(7), np.zeros(3 * PACKET), film.variance, film.error)
     yield develop, (film, np.zeros(0, np.int64), 0, 0, make_frame(0))
     yield background, (samples.hits, front.radiance, colour)
-    if stage.plan.refraction:
+    if compiled.plan.refraction:
         yield land, (samples, 0, samples)
 
 

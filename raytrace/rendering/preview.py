@@ -1,22 +1,22 @@
-"""The picture while it is drawn, for whoever wants to look."""
+"""A preview: the image of a render that is still running."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.records import Window
+from raytrace.rendering.film_tiles import inverse
 from raytrace.rendering.progress import Progress, ProgressListener
-from raytrace.rendering.work_items import inverse
 
 
 class Preview(ProgressListener):
-    """A watcher that has the picture, as far as it is drawn.
+    """A listener that keeps the image as far as it is rendered.
 
     Attributes
     ----------
     samples : array of int32
-        Of each pixel so far, of the film's and a few more.
+        Number of samples of each pixel so far; a few more elements than pixels.
     window : Window
-        What is drawn of the film.
+        The part of the film that is rendered.
     """
 
     def __init__(self) -> None:
@@ -24,32 +24,32 @@ class Preview(ProgressListener):
         self.samples, self.window = np.zeros(0, np.int32), Window(0, 0, 0, 0)
 
     def look(self, progress: Progress) -> None:
-        """Hear how far it is; a good time to look."""
+        """Receive a progress update; subclasses show the image here."""
 
     def early(self, samples: int) -> bool:
-        """A picture to look at is wanted early."""
+        """A preview always needs a complete image early."""
         return True
 
     def begin(self, samples: NDArray[np.int32], at: NDArray[np.int64], window: Window) -> None:
-        """Take paper of the size of the film."""
+        """Allocate the preview's buffers."""
         self.samples, self._at, self.window = samples, at, window
         self._shown, self._blank = np.zeros((3, len(at))), np.ones(len(at), np.bool_)
 
     def show(self, pixels: slice | NDArray[np.int64], shown: NDArray[np.float64]) -> None:
-        """Keep pixels; they are in one part at a time, so no other thread has them."""
+        """Store pixels. They are in one work item at a time, so no other thread writes them."""
         m = len(self._blank[pixels])
         for channel, values in zip(self._shown, shown, strict=True):
             channel[pixels] = values[:m]
         self._blank[pixels] = False
 
     def whole(self) -> bool:
-        """Whether every pixel has been drawn at least once."""
+        """Whether every pixel has been rendered at least once."""
         return not self._blank.any()
 
-    def picture(self, side: int) -> NDArray[np.uint8]:
-        """The picture so far, sRGB, (h, w, 3); black where nothing is drawn.
+    def image(self, side: int) -> NDArray[np.uint8]:
+        """Return the image so far, sRGB, (h, w, 3); black where nothing is rendered.
 
-        Where it has more than so many pixels a side, it is every second, third ... of them.
+        If a side has more than ``side`` pixels, only every second, third, ... pixel is returned.
         """
         height, width = self.window.height, self.window.width
         step = max(-(-max(height, width) // side), 1)

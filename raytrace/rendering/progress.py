@@ -1,7 +1,10 @@
 """Progress of a render, and the objects that receive it. NumPy is not imported: the command line starts without it."""
 
+import sys
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from raytrace.errors import OptionError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -48,7 +51,7 @@ class ProgressListener:
         self._report(progress)
 
     def early(self, samples: int) -> bool:
-        """Whether the whole image is needed early, and then ever better, if it takes so many samples."""
+        """Whether the listener needs a complete image early, of a render that takes so many samples."""
         return False
 
     def begin(self, samples: "NDArray[np.int32]", at: "NDArray[np.int64]", window: "Window") -> None:
@@ -57,14 +60,34 @@ class ProgressListener:
         Parameters
         ----------
         samples : array of int32
-            Of each pixel so far, while they grow; a few more than there are in the window.
+            Number of samples of each pixel, updated during the render; a few more elements than pixels.
         at : (m,) array of int
-            Places in the window, row after row, of the film's pixels.
+            Position of each pixel of the film in the window, row by row.
         window : Window
         """
 
     def show(self, pixels: "slice | NDArray[np.int64]", shown: "NDArray[np.float64]") -> None:
-        """Receive means of pixels of the film as shown, (3, m) and more; in the thread that rendered them."""
+        """Receive means of pixels as shown, (3, m) and more columns; called in the thread that rendered them."""
 
     def end(self, state: str) -> None:
-        """Receive the end: "" for a complete image, else with how many samples it was stopped."""
+        """Receive the end: "" for a complete image, else why it ended and with how many samples."""
+
+
+def listener_of(progress: Any) -> ProgressListener:
+    """Return the listener of a render: the caller's, or a preview in a notebook cell, or one that does nothing.
+
+    Raises
+    ------
+    OptionError
+        ``progress`` is neither a function nor False.
+    """
+    if progress is None and "IPython" in sys.modules:
+        from raytrace.rendering.notebook import NotebookPreview, in_cell
+
+        if in_cell():
+            return NotebookPreview()
+    if progress is None or progress is False:
+        return ProgressListener(lambda _: None)
+    if not callable(progress):
+        raise OptionError(f"progress: expected a function, or False, got {progress!r}")
+    return progress if isinstance(progress, ProgressListener) else ProgressListener(progress)

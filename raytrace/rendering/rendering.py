@@ -1,5 +1,6 @@
-"""``render``: what callers ask of it, checked; then a run."""
+"""``render``: checks the caller's options, and starts a run."""
 
+import operator
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -8,16 +9,15 @@ import numpy as np
 
 from raytrace import parallel
 from raytrace.errors import OptionError
+from raytrace.limits import LAYERS, MAX_PIXELS, MAX_SEED, MAX_SIDE, MAX_SPP
 from raytrace.memory import RenderSize, check_render
 from raytrace.passes.film import BINS
-from raytrace.records import Scene
+from raytrace.records import Scene, Settings, Window
 from raytrace.rendering import adaptive
 from raytrace.rendering.checkpoint import Checkpoint
-from raytrace.rendering.compiled_scenes import plan_of, trees_of
+from raytrace.rendering.compiled_scene import plan_of, trees_of
 from raytrace.rendering.job import Job, Tiling
-from raytrace.rendering.notebook import listener_of
-from raytrace.rendering.options import deadline_after, error_wanted, layers_of, override, window_of
-from raytrace.rendering.progress import Progress
+from raytrace.rendering.progress import Progress, listener_of
 from raytrace.rendering.result import Render
 from raytrace.rendering.run import Run
 from raytrace.rendering.wavefront import BATCH
@@ -47,49 +47,49 @@ def render(
     checkpoint: str | Path | Checkpoint | None = None,
     client: "Client | None" = None,
 ) -> Render:
-    """Draw a scene.
+    """Render a scene.
 
     Parameters
     ----------
     scene : Scene, str, Path or dict
-        A loaded scene, a scene file, or its content.
+        A loaded scene, the path of a scene file, or the content of one.
     spp, size, seed, precision, sampler : optional
-        Samples per pixel; film (width, height) in pixels; 0 .. 2**32 - 1; "auto", "float32" or "float64"; "sobol",
-        "stratified" or "independent". Default: what the scene says.
+        Samples per pixel; image size (width, height) in pixels; random seed, 0 .. 2**32 - 1; "auto", "float32" or
+        "float64"; "sobol", "stratified" or "independent". Default: the scene's settings.
     threads : int, optional
-        Default: all cores of the process. The picture has the same bits for any number.
+        Number of threads. Default: one per core that the process may use. The image is bit-identical for any number.
     progress : callable or False, optional
-        Is called with a ``Progress`` now and then. Default: in a notebook, the picture is shown as it gets better;
-        elsewhere, and where this is False, nothing is.
+        Called with a ``Progress`` from time to time. Default: a notebook cell shows the image while it is rendered;
+        elsewhere nothing is shown. False: nothing is shown.
     aov : sequence of str
-        Layers to compute and keep in files; all can be had from ``Render.aov`` later.
+        Layers to compute now, and to keep in files; ``Render.aov`` computes any of them later.
     crop : (x, y, width, height), pixels, optional
-        Draw only this part of the film; it equals that part of the whole picture.
+        Render only this part of the film. It is bit-identical to that part of the whole image.
     time_limit : float, seconds, optional
-        Stop after about so long. The image then has the samples of the last complete pass over all pixels.
+        Stop after about this time. The image then has the samples of the last complete round over all pixels.
     target_error : float, optional
-        Sample where the error is until the estimated RMSE of the picture, in sRGB clipped to 0 .. 1, is at most this:
-        0.002 is half a step of 8 bits. No pixel gets more than ``spp`` samples, 4096 where that isn't given.
+        Adaptive sampling until the estimated RMSE of the image, in sRGB clipped to 0 .. 1, is at most this: 0.002 is
+        half a step of 8 bits. No pixel gets more than ``spp`` samples, by default 4096.
     max_memory : int, bytes, optional
-        What the process may take in all; a picture that takes more is refused. Default: what is free.
+        The most memory that the process may use in all; an image that needs more is refused. Default: what is free.
     checkpoint : str or Path, optional
-        File that keeps finished parts while the picture is drawn. If it is there, it is gone on from, and the picture
-        has the same bits as if nothing had happened. ``Render.save`` removes it once the whole picture is written.
+        File that keeps finished work items during the render. If it exists, the render resumes from it, and the image
+        is bit-identical to that of an uninterrupted render. ``Render.save`` deletes it once the image is complete.
     client : distributed.Client, optional
-        Have the workers of this Dask cluster draw, instead of threads here; the same bits.
+        Render on the workers of this Dask cluster instead of threads of this process; the image is bit-identical.
 
     Returns
     -------
     Render
         With ``complete`` False after Ctrl-C or the time limit: the whole image, with fewer samples per pixel, as
-        ``provenance["samples"]`` says; black with 0 samples if the first pass was not complete.
+        ``provenance["samples"]`` says; black with 0 samples if the first round was not complete.
 
     Raises
     ------
     SceneError, FileError
-        As ``load`` does; and FileError for a checkpoint of another picture, or one that can't be written.
+        As ``load`` does; and FileError for a checkpoint of another image, or one that can't be written.
     OptionError
-        An option that can't be met; the cluster has gone, or none of its workers may draw.
+        An option has a value that is not allowed; the cluster is gone, or none of its workers can be used.
 
     Warns
     -----
@@ -99,40 +99,40 @@ def render(
     Examples
     --------
     >>> import raytrace as rt
-    >>> picture = rt.render("scenes/cornell-box.json", spp=4, size=(32, 32))
-    >>> picture.rgb.shape, picture.complete
+    >>> image = rt.render("scenes/cornell-box.json", spp=4, size=(32, 32))
+    >>> image.rgb.shape, image.complete
     ((32, 32, 3), True)
     """
     if not isinstance(scene, Scene):
         scene = load(scene, max_memory=max_memory)
-    target = error_wanted(target_error)
+    target = _target_of(target_error)
     most = adaptive.CAP if spp is None and target is not None else spp
     settings = override(scene.settings, most, size, seed, precision, sampler)
     window = window_of(settings.size, crop)
-    layers, limit, count = layers_of(aov), deadline_after(time_limit), parallel.thread_count(threads)
+    layers, limit, count = layers_of(aov), seconds_of(time_limit), parallel.thread_count(threads)
     plan = plan_of(scene)
     precision = plan.precision.name if settings.precision == "auto" else settings.precision
     if plan.refraction:
         from raytrace.scene.coincident import warn_coincident
 
         warn_coincident(scene, precision, stacklevel=2)
-    job, watcher = Job(scene, settings, window, precision, target), listener_of(progress)
-    check_render(_drawing(job, layers, count), trees_of(scene, plan, precision), max_memory)
+    first_spp = settings.spp if target is None else min(adaptive.FIRST, settings.spp)
+    job, listener = Job(scene, plan, settings, window, precision, target, first_spp), listener_of(progress)
+    check_render(_memory_of(job, layers, count), trees_of(scene, plan, precision), max_memory)
     pixels = window.width * window.height
-    early = limit < np.inf or watcher.early(pixels * job.first_spp)
-    layout = Tiling(first=1 if early else None)
-    keep = checkpoint if isinstance(checkpoint, Checkpoint | None) else Checkpoint(Path(checkpoint))
+    early = limit < np.inf or listener.early(pixels * job.first_spp)
+    tiling = Tiling(first=1 if early else None)
+    file = checkpoint if isinstance(checkpoint, Checkpoint | None) else Checkpoint(Path(checkpoint))
     cluster = None if client is None else _cluster_of(client, job, threads)
     if cluster:
-        layout = cluster.layout(layout, pixels)
-    if keep:
-        layout = keep.begin(job) or layout
-    run = Run(job, layout, keep, cluster, watcher)
-    return run.run(count, limit, layers)
+        tiling = cluster.tiling(tiling, pixels)
+    if file:
+        tiling = file.begin(job) or tiling
+    return Run(job, tiling, file, cluster, listener).run(count, limit, layers)
 
 
-def _drawing(job: Job, layers: Sequence[str], threads: int) -> RenderSize:
-    """What the memory of a picture depends on."""
+def _memory_of(job: Job, layers: Sequence[str], threads: int) -> RenderSize:
+    """Return what the memory of a render depends on."""
     pixels, spp = job.window.width * job.window.height, job.settings.spp
     batch = min(threads, -(-pixels * spp // BATCH)) * BATCH
     return RenderSize(pixels, bool(set(layers) - {"samples"}), job.target is not None, min(spp, BINS), batch)
@@ -142,5 +142,87 @@ def _cluster_of(client: "Client", job: Job, threads: int | None) -> "Cluster":
     from raytrace.rendering.cluster import Cluster
 
     if threads is not None:
-        raise OptionError("threads: the workers of a cluster have their own; leave it out")
+        raise OptionError("threads: cannot be combined with a cluster; its workers have their own threads")
     return Cluster(client, job)
+
+
+# Options, checked -----------------------------------------------------------------------------------------------------
+
+
+def _integer(name: str, value: Any) -> int:
+    """Return a whole number of any type as an int."""
+    if not isinstance(value, bool):
+        try:
+            return operator.index(value)
+        except TypeError:
+            pass
+    raise OptionError(f"{name}: expected a whole number, got {value!r}")
+
+
+def within(name: str, value: Any, low: int, high: int) -> int:
+    """Return a whole number of any type as an int, if it is in the range from ``low`` to ``high``."""
+    number = _integer(name, value)
+    if not low <= number <= high:
+        raise OptionError(f"{name}: expected a number from {low} to {high}, got {number}")
+    return number
+
+
+def _size_of(value: Any) -> tuple[int, int]:
+    if not isinstance(value, Sequence | np.ndarray) or len(value) != 2:
+        raise OptionError(f"size: expected (width, height), got {value!r}")
+    width, height = _integer("size", value[0]), _integer("size", value[1])
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE and width * height <= MAX_PIXELS):
+        limits = f"1x1 to {MAX_SIDE:,} pixels per side and {MAX_PIXELS:,} in all"
+        raise OptionError(f"size: expected {limits}, got {width}x{height}")
+    return width, height
+
+
+def override(settings: Settings, spp: Any, size: Any, seed: Any, precision: Any, sampler: Any) -> Settings:
+    """Return the scene's settings, replaced by the caller's where these are not None, and checked."""
+    given = {"spp": spp, "size": size, "seed": seed, "precision": precision, "sampler": sampler}
+    settings = settings._replace(**{name: value for name, value in given.items() if value is not None})
+    choices = {"precision": ("auto", "float32", "float64"), "sampler": ("sobol", "stratified", "independent")}
+    for name, allowed in choices.items():
+        if getattr(settings, name) not in allowed:
+            raise OptionError(f"{name}: expected one of {', '.join(allowed)}, got {getattr(settings, name)!r}")
+    return settings._replace(
+        spp=within("spp", settings.spp, 1, MAX_SPP),
+        seed=within("seed", settings.seed, 0, MAX_SEED),
+        size=_size_of(settings.size),
+    )
+
+
+def window_of(size: tuple[int, int], crop: tuple[int, int, int, int] | None) -> Window:
+    """Return the part of the film that is rendered: the crop, or all of it."""
+    window = Window(*(_integer("crop", number) for number in crop or (0, 0, *size)))
+    inside = (
+        window.x >= 0 and window.y >= 0 and window.x + window.width <= size[0] and window.y + window.height <= size[1]
+    )
+    if not inside or window.width < 1 or window.height < 1:
+        raise OptionError(f"crop: {','.join(map(str, window))} is not inside the film of {size[0]}x{size[1]} pixels")
+    return window
+
+
+def layers_of(aov: Sequence[str]) -> tuple[str, ...]:
+    """Return names of layers, checked; a single one may be a plain string."""
+    names = (aov,) if isinstance(aov, str) else tuple(aov)
+    for name in names:
+        if name not in LAYERS:
+            raise OptionError(f"aov: {name!r}: expected any of {', '.join(LAYERS)}")
+    return names
+
+
+def seconds_of(time_limit: float | None) -> float:
+    """Return the seconds that a render may take; inf without a limit."""
+    if time_limit is None:
+        return float("inf")
+    if not time_limit >= 0:
+        raise OptionError(f"time_limit: expected seconds, at least 0, got {time_limit!r}")
+    return time_limit
+
+
+def _target_of(target_error: float | None) -> float | None:
+    """Return the target error, checked."""
+    if target_error is not None and not 0 < target_error < 1:
+        raise OptionError(f"target_error: expected an RMSE in sRGB, above 0 and below 1, got {target_error!r}")
+    return target_error

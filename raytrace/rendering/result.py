@@ -1,4 +1,4 @@
-"""``Render``: a picture, its error, its layers, and where it came from."""
+"""``Render``: an image, its error, its layers, and its provenance."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -17,16 +17,16 @@ from raytrace.records import Hits, Scene, Window
 if TYPE_CHECKING:
     from raytrace.rendering.checkpoint import Checkpoint
 
-ROWS = 64  # of pixels whose layers are computed at a time
+ROWS = 64  # of pixels: the layers are computed in bands of so many
 
 
 class Layers(Mapping[str, NDArray[Any]]):
-    """AOVs by name; each is computed when it is first asked for, along the rays through the pixels' centres.
+    """AOVs by name; all are computed when the first one is needed, along the rays through the pixels' centres.
 
     Attributes
     ----------
     computed : dict of str to array
-        Those asked for so far: what files hold.
+        The layers used so far; files contain these.
     """
 
     def __init__(self, samples: NDArray[np.int32], trace: Callable[[], dict[str, NDArray[Any]]]) -> None:
@@ -54,37 +54,38 @@ class Layers(Mapping[str, NDArray[Any]]):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Render:
-    """A rendered picture.
+    """A rendered image.
 
     Attributes
     ----------
     rgb : (h, w, 3) float32 array
         Linear radiance, row 0 at the top; 0 where no sample was taken.
     stderr : (h, w) float32 array
-        Estimated standard error of the pixel's luminance, for the sampler that was used: from eight samples on, the
-        truth lies within 3.18 of them in 95 % of cases (Student's t, 3 degrees of freedom). NaN with fewer than two.
+        Estimated standard error of the pixel's luminance, for the sampler that was used. With eight or more samples,
+        the true value is within 3.18 standard errors in 95 % of cases (Student's t, 3 degrees of freedom). NaN with
+        fewer than two samples.
     aov : Mapping
-        Layers "depth", "normal", "albedo", "prim_id", "position", "samples", computed when asked for.
+        Layers "depth", "normal", "albedo", "prim_id", "position", "samples", computed on first use.
     stats : dict
-        Rays by kind (with those that fill up a tile's last packet), seconds by pass (summed over threads), compile
-        seconds, samples, "estimated_error" (RMSE in sRGB clipped to 0..1), "estimated_error_linear" (RMSE of
-        luminance), "target_reached" (None without a target).
+        Rays by kind (including those that only fill a tile's last packet), seconds by pass (summed over threads),
+        compile seconds, samples, "estimated_error" (RMSE in sRGB clipped to 0..1), "estimated_error_linear" (RMSE of
+        luminance), "target_reached" (None without a target error).
     provenance : dict
-        Version, scene hash, seed, settings, seconds: what is written into files. "spp" are the samples per pixel that
-        were asked for, "samples" those that every pixel has.
+        Version, scene hash, seed, settings, seconds: what is written into files. "spp" is the requested number
+        of samples per pixel, "samples" the number that every pixel has.
     complete : bool
-        False after Ctrl-C or a time limit. The image then has the samples of the last complete pass over all pixels.
+        False after Ctrl-C or a time limit. The image then has the samples of the last complete round over all pixels.
     interrupted : bool
         True after Ctrl-C, or the stop button of a notebook.
     checkpoint : Checkpoint or None
-        What kept finished parts; ``save`` removes it if the picture is complete.
+        The file of finished work items; ``save`` deletes it if the image is complete.
 
     Examples
     --------
     >>> import numpy as np
     >>> import raytrace as rt
-    >>> picture = rt.render("scenes/cornell-box.json", spp=1, size=(16, 16))
-    >>> np.asarray(picture).shape
+    >>> image = rt.render("scenes/cornell-box.json", spp=1, size=(16, 16))
+    >>> np.asarray(image).shape
     (16, 16, 3)
     """
 
@@ -98,7 +99,7 @@ class Render:
     checkpoint: "Checkpoint | None" = None
 
     def save(self, path: str | Path, exposure: float = 0.0) -> Path:
-        """Write the picture: PNG (sRGB), EXR (linear, with layers) or NPZ (arrays), after the name's ending.
+        """Write the image as PNG (sRGB), EXR (linear, with layers) or NPZ (arrays), depending on the file extension.
 
         Parameters
         ----------
@@ -113,7 +114,7 @@ class Render:
         Raises
         ------
         FileError
-            An unknown ending, or a place that can't be written to.
+            The file extension is unknown, or the file can't be written.
 
         Examples
         --------
@@ -144,7 +145,7 @@ class Render:
 
 
 def _taken(image: Render) -> str:
-    """Samples per pixel: taken, and asked for if these are others."""
+    """Samples per pixel: those taken, and those requested if they differ."""
     asked, taken = image.provenance["spp"], image.stats["samples"] / image.stderr.size
     if image.stats["target_reached"] is not None:
         return f"{taken:.3g} of at most {asked}"
@@ -152,25 +153,25 @@ def _taken(image: Render) -> str:
 
 
 def state_of(image: Render) -> str:
-    """What ended a render early, and the samples that its image has; "" if it is complete."""
+    """Say why a render ended early, and how many samples its image has; "" if it is complete."""
     if image.complete:
         return ""
     why = "interrupted" if image.interrupted else "time limit reached"
     if not image.provenance["samples"]:
-        return f"{why} before the first pass over the image was complete"
+        return f"{why} before the first round of samples was complete"
     average = " on average" if image.stats["target_reached"] is not None else ""
     return f"{why} at {_taken(image)} samples per pixel{average}"
 
 
 def trace_layers(scene: Scene, bvh: BVH, size: tuple[int, int], window: Window) -> dict[str, NDArray[Any]]:
-    """Layers of a window of the film of a scene."""
+    """Compute the layers of a window of the film."""
     view = make_view(scene.camera, size, np.dtype(np.float64))
-    parts = []
+    bands = []
     for top in range(window.y, window.y + window.height, ROWS):
         y, x = np.mgrid[top : min(top + ROWS, window.y + window.height), window.x : window.x + window.width] + 0.5
         d = pinhole_directions(view, x.ravel(), y.ravel())
-        parts.append(_layers_of(scene, bvh, bvh.closest_hit(scene.camera.position, d)))
-    layers = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        bands.append(_layers_of(scene, bvh, bvh.closest_hit(scene.camera.position, d)))
+    layers = {name: np.concatenate([band[name] for band in bands]) for name in bands[0]}
     return {name: layer.reshape(window.height, window.width, *layer.shape[1:]) for name, layer in layers.items()}
 
 

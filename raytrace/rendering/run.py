@@ -1,4 +1,4 @@
-"""One run: parts of a picture, round after round, until all are drawn; or until a cancel, or the time limit."""
+"""One run: renders work items, round after round, until the image is complete, cancelled or out of time."""
 
 import itertools
 import math
@@ -16,26 +16,23 @@ from raytrace import parallel
 from raytrace.jit import on_compile
 from raytrace.passes.estimate import MODELS, root_mean
 from raytrace.passes.film import MAX_RADIANCE, Frame
-from raytrace.records import Scene, Window
 from raytrace.rendering import adaptive
 from raytrace.rendering.checkpoint import Checkpoint
-from raytrace.rendering.compiled_scenes import compiled_of, is_built, plan_of
-from raytrace.rendering.film_tiles import FilmTile, FilmTiles
+from raytrace.rendering.compiled_scene import compiled_of, is_compiled
+from raytrace.rendering.film_tiles import LEAP, FilmTile, FilmTiles, WorkItem, first_round, pieces, rounds
 from raytrace.rendering.job import Job, Tiling
-from raytrace.rendering.kernels import compile_ahead, picture_of
-from raytrace.rendering.pace import LEAP, expected, first_pass
 from raytrace.rendering.progress import Progress, ProgressListener
 from raytrace.rendering.result import Layers, Render, state_of, trace_layers
 from raytrace.rendering.threads import RenderThreads
 from raytrace.rendering.wavefront import BATCH
-from raytrace.rendering.work_items import WorkItem, pieces, rounds
 
 if TYPE_CHECKING:
     from raytrace.rendering.cluster import Cluster
 
-EARLY = 64  # parts of passes with fewer samples than this part of all are not kept: drawing them again costs less
+EARLY = 64  # work items of rounds with fewer than 1/EARLY of all samples are not kept: rendering them again costs less
 
-HandOut = Callable[[Sequence[tuple[WorkItem, int]], Callable[[int], None]], bool]  # parts, a report -> whether all are
+Numbered = tuple[WorkItem, int]
+RenderItems = Callable[[Sequence[Numbered], Callable[[int], None]], bool]  # items, a report -> whether all are rendered
 
 
 class Run:
@@ -44,215 +41,216 @@ class Run:
     def __init__(
         self,
         job: Job,
-        layout: Tiling,
-        keep: Checkpoint | None,
+        tiling: Tiling,
+        checkpoint: Checkpoint | None,
         cluster: "Cluster | None",
-        watcher: ProgressListener,
+        listener: ProgressListener,
     ) -> None:
-        self.job, self.plan, self.layout, self.keep, self.watcher = job, plan_of(job.scene), layout, keep, watcher
+        self.job, self.tiling, self.checkpoint, self.listener = job, tiling, checkpoint, listener
         self._cluster = cluster
-        self._drawers: RenderThreads | Cluster | None = cluster
+        self._workers: RenderThreads | Cluster | None = cluster
         model = MODELS[job.settings.sampler]
-        self.canvas = FilmTiles(job.window, model)
-        self.search = None
+        self.film_tiles = FilmTiles(job.window, model)
+        self.sampler = None
         if job.target is not None:
-            film, at = self.canvas.film, self.canvas.at
-            self.search = adaptive.AdaptiveSampler(film, at, job.window, model, job.target, job.settings.spp)
+            film, at = self.film_tiles.film, self.film_tiles.at
+            self.sampler = adaptive.AdaptiveSampler(film, at, job.window, model, job.target, job.settings.spp)
         self.samples = np.zeros((job.window.height, job.window.width), np.int32)
-        trace = partial(_trace_layers, job.scene, job.precision, job.settings.size, job.window)
-        self.layers = Layers(self.samples, trace)
-        self.began = self._drawing = time.perf_counter()
-        self._numbers = itertools.count()  # of parts, in an order that only the job and its layout decide
+        self.layers = Layers(self.samples, partial(_trace_layers, job))
+        self.began = self._rendering = time.perf_counter()
+        self._numbers = itertools.count()  # of work items, in an order that depends on job and tiling alone
         self._cancelled = threading.Event()
 
     def run(self, threads: int, time_limit: float, layers: Sequence[str]) -> Render:
-        """Draw until done, stopped or out of time."""
+        """Render until the image is complete, cancelled or out of time."""
         self._deadline = self.began + time_limit
         self.with_layers = bool(set(layers) - {"samples"})
         complete, interrupted = False, False
-        with on_compile(self._compile_ahead) as compiled:
+        with on_compile(self._compile_ahead) as compilation:
             try:
-                self._hand_out = self._by_cluster(self._cluster) if self._cluster else self._by_threads(threads)
+                self._render = self._by_cluster(self._cluster) if self._cluster else self._by_threads(threads)
                 self._settle(threads)
-                self._drawing = time.perf_counter()
-                complete = self._draw_all() and (self.search is None or self._refine(self.search))
+                self._rendering = time.perf_counter()
+                complete = self._render_all() and (self.sampler is None or self._refine(self.sampler))
                 for name in layers:
                     self.layers[name]
             except KeyboardInterrupt:
-                interrupted, whole = True, int(self.canvas.film.samples.min()) == self.job.settings.spp
+                interrupted, whole = True, int(self.film_tiles.film.samples.min()) == self.job.settings.spp
                 complete = whole and not layers  # it came too late
             finally:
-                self.__dict__.pop("_hand_out", None)  # it knows this run: a circle would keep the threads' memory
-                if self.keep:
-                    self.keep.close(complete)
-        picture = self._picture(complete, interrupted, compiled.seconds)
-        self.watcher.end(state_of(picture))
-        return picture
+                self.__dict__.pop("_render", None)  # break the reference cycle that keeps the threads' memory alive
+                if self.checkpoint:
+                    self.checkpoint.close(complete)
+        image = self._image(complete, interrupted, compilation.seconds)
+        self.listener.end(state_of(image))
+        return image
 
     def _settle(self, threads: int) -> None:
-        """Decide in how many passes the film is drawn."""
-        if self.layout.first is None:
+        """Decide in how many rounds the film is rendered."""
+        if self.tiling.first is None:
             spp, seconds = self.job.first_spp, 0.0
             if self._cluster:
-                seconds = self._cluster.expected(len(self.canvas.at) * spp)
-            elif isinstance(self._drawers, RenderThreads):
-                seconds = expected(self._drawers, self.canvas, spp, min(threads, parallel.thread_count(None)))
-            self.layout = self.layout._replace(first=first_pass(spp, seconds), leap=LEAP)
-        if self.keep:
-            self.keep.settle(self.layout)
-        if self.layout.first:
-            self.canvas.keep_passes()
+                seconds = self._cluster.expected(len(self.film_tiles.at) * spp)
+            elif isinstance(self._workers, RenderThreads):
+                seconds = self._workers.expected(self.film_tiles, spp, min(threads, parallel.thread_count(None)))
+            self.tiling = self.tiling._replace(first=first_round(spp, seconds), leap=LEAP)
+        if self.checkpoint:
+            self.checkpoint.settle(self.tiling)
+        if self.tiling.first:
+            self.film_tiles.keep_rounds()
 
     def _over(self) -> bool:
         """Whether to stop: after Ctrl-C, an error, or the time limit."""
         return self._cancelled.is_set() or time.perf_counter() > self._deadline
 
-    def _draw_all(self) -> bool:
-        """Draw round after round: a pixel's samples are summed in their order, so no tile may be in two at once."""
-        pixels, done = len(self.canvas.film.samples), 0
-        self.watcher.begin(self.canvas.film.samples, self.canvas.at, self.job.window)
-        at_least, work = self.layout.at_least, max(self.layout.work, BATCH)
-        drawn = [
-            [WorkItem(first, last, piece) for piece in pieces(pixels, max(at_least, work // (last - first)))]
-            for first, last in self._passes()
+    def _render_all(self) -> bool:
+        """Render round after round. A pixel's samples are summed in order, so no tile may be in two items at once."""
+        film = self.film_tiles.film
+        self.listener.begin(film.samples, self.film_tiles.at, self.job.window)
+        at_least, work = self.tiling.at_least, max(self.tiling.work, BATCH)
+        items_of_rounds = [
+            [WorkItem(first, last, piece) for piece in pieces(len(film.samples), max(at_least, work // (last - first)))]
+            for first, last in self._rounds()
         ]
-        skipped = self._kept_passes(drawn)
-        for parts in drawn[:skipped]:
-            done += len(parts)
+        skipped = self._kept_rounds(items_of_rounds)
+        done = sum(map(len, items_of_rounds[:skipped]))
         self._numbers = itertools.count(done)
-        for parts in drawn[skipped:]:
-            whole = self._draw_parts(parts, done, sum(map(len, drawn)))
-            if not whole or int(self.canvas.film.samples.min()) < parts[0].last:  # time was up within the last part
+        for items in items_of_rounds[skipped:]:
+            whole = self._render_items(items, done, sum(map(len, items_of_rounds)))
+            if not whole or int(film.samples.min()) < items[0].last:  # time was up within the last item
                 return False
-            done += len(parts)
+            done += len(items)
         return True
 
-    def _passes(self) -> list[tuple[int, int]]:
-        """Samples of each pass over the whole film."""
-        return rounds(self.job.first_spp, self.layout.first or 0, self.layout.leap)
+    def _rounds(self) -> list[tuple[int, int]]:
+        """Samples of each round."""
+        return rounds(self.job.first_spp, self.tiling.first or 0, self.tiling.leap)
 
-    def _kept_passes(self, drawn: list[list[WorkItem]]) -> int:
-        """How many passes need not be drawn, nor read, for all of the next is in the checkpoint; that begins at 0."""
-        before = list(itertools.accumulate(map(len, drawn), initial=0))
-        for k in range(len(drawn) - 1, 0, -1):
-            if self.keep and all(self.keep.has(number) for number in range(before[k], before[k + 1])):
-                drawn[k] = [part._replace(first=0) for part in drawn[k]]
+    def _kept_rounds(self, items_of_rounds: list[list[WorkItem]]) -> int:
+        """Number of rounds to skip, as the checkpoint has all of the next one, which then starts at sample 0."""
+        before = list(itertools.accumulate(map(len, items_of_rounds), initial=0))
+        for k in range(len(items_of_rounds) - 1, 0, -1):
+            if self.checkpoint and all(self.checkpoint.has(number) for number in range(before[k], before[k + 1])):
+                items_of_rounds[k] = [item._replace(first=0) for item in items_of_rounds[k]]
                 return k
         return 0
 
-    def _refine(self, search: adaptive.AdaptiveSampler) -> bool:
-        """Give more samples to pixels round after round, until the error of the picture meets the target."""
+    def _refine(self, sampler: adaptive.AdaptiveSampler) -> bool:
+        """Add samples to pixels, round after round, until the estimated error of the image meets the target."""
         done = 0
-        at_least = max(self.layout.at_least, self.layout.work // self.job.settings.spp)
-        while parts := search.parts(at_least):
-            if not self._draw_parts(parts, done, done + len(parts)):
+        at_least = max(self.tiling.at_least, self.tiling.work // self.job.settings.spp)
+        while items := sampler.work_items(at_least):
+            if not self._render_items(items, done, done + len(items)):
                 return False
-            done += len(parts)
+            done += len(items)
         return True
 
-    def _draw_parts(self, parts: Sequence[WorkItem], before: int, total: int) -> bool:
-        numbered = list(zip(parts, self._numbers, strict=False))  # parts first: they end, and numbers go on
+    def _render_items(self, items: Sequence[WorkItem], before: int, total: int) -> bool:
+        numbered = list(zip(items, self._numbers, strict=False))  # items first: the numbers have no end
         left = [each for each in numbered if not self._restore(*each)]
-        if isinstance(self._drawers, RenderThreads):
-            self._drawers.rest()
-        return self._hand_out(left, partial(self._report, before + len(numbered) - len(left), total))
+        if isinstance(self._workers, RenderThreads):
+            self._workers.rest()
+        return self._render(left, partial(self._report, before + len(numbered) - len(left), total))
 
-    def _by_threads(self, threads: int) -> HandOut:
+    def _by_threads(self, threads: int) -> RenderItems:
         job = self.job
-        if not is_built(job.scene, job.precision):
-            self._say("building", 0, 1)
-        crew = self._drawers = RenderThreads(job.scene, self.plan, job.precision, job.settings)
-        crew.load_kernels()
-        draw, stop = partial(self._draw, crew), self._cancelled.set
+        if not is_compiled(job.scene, job.precision):
+            self._send("building", 0, 1)
+        workers = self._workers = RenderThreads(job.scene, job.plan, job.precision, job.settings)
+        workers.load_kernels()
+        draw, stop = partial(self._draw, workers), self._cancelled.set
         return lambda left, report: parallel.run(draw, left, threads, self._over, report, stop)
 
-    def _by_cluster(self, cluster: "Cluster") -> HandOut:
-        return lambda left, report: cluster.draw(left, self.canvas.lend, self._receive, self._over, report)
+    def _by_cluster(self, cluster: "Cluster") -> RenderItems:
+        return lambda left, report: cluster.draw(left, self.film_tiles.get, self._receive, self._over, report)
 
-    def _draw(self, crew: RenderThreads, numbered: tuple[WorkItem, int]) -> None:
-        """Add samples of some pixels to the film."""
-        part = numbered[0]
-        sheet = self.canvas.lend(part)
+    def _draw(self, workers: RenderThreads, numbered: Numbered) -> None:
+        """Render a work item in the calling thread."""
+        item = numbered[0]
+        tile = self.film_tiles.get(item)
         began = time.perf_counter()
-        done = crew.draw(sheet, part.first, part.last, self._over)
-        if done == part.last:
-            self._take(numbered, sheet, time.perf_counter() - began)
+        done = workers.draw(tile, item.first, item.last, self._over)
+        if done == item.last:
+            self._finish(numbered, tile, time.perf_counter() - began)
         else:
-            self._take_back(part, sheet, done)
+            self._merge(item, tile, done)
 
-    def _take(self, numbered: tuple[WorkItem, int], sheet: FilmTile, seconds: float) -> None:
-        """Take in a part that is drawn."""
-        part, number = numbered
-        if self.keep and part.last * EARLY >= self.job.first_spp:
-            self.keep.add(number, sheet.sums, seconds)
-        self._take_back(part, sheet, part.last)
+    def _finish(self, numbered: Numbered, tile: FilmTile, seconds: float) -> None:
+        """Merge a finished work item, and keep it in the checkpoint."""
+        item, number = numbered
+        if self.checkpoint and item.last * EARLY >= self.job.first_spp:
+            self.checkpoint.add(number, tile.sums, seconds)
+        self._merge(item, tile, item.last)
 
-    def _receive(self, numbered: tuple[WorkItem, int], sums: NDArray[np.float64], seconds: float) -> None:
-        """Take in a part that was drawn elsewhere."""
-        sheet = self.canvas.lend(numbered[0])
-        self.canvas.fill(numbered[0], sheet, sums)
-        self._take(numbered, sheet, seconds)
+    def _receive(self, numbered: Numbered, sums: NDArray[np.float64], seconds: float) -> None:
+        """Merge a work item that a cluster worker rendered."""
+        tile = self.film_tiles.get(numbered[0])
+        self.film_tiles.fill(numbered[0], tile, sums)
+        self._finish(numbered, tile, seconds)
 
-    def _restore(self, part: WorkItem, number: int) -> bool:
-        """Put a part on the film as it is in the checkpoint; whether it is there."""
-        sums = self.keep.find(number) if self.keep else None
+    def _restore(self, item: WorkItem, number: int) -> bool:
+        """Merge a work item from the checkpoint; whether it was there."""
+        sums = self.checkpoint.find(number) if self.checkpoint else None
         if sums is None:
             return False
-        sheet = self.canvas.lend(part)
-        if sums.shape != sheet.sums.shape:
+        tile = self.film_tiles.get(item)
+        if sums.shape != tile.sums.shape:
             return False
-        self.canvas.fill(part, sheet, sums)
-        self._take_back(part, sheet, part.last)
+        self.film_tiles.fill(item, tile, sums)
+        self._merge(item, tile, item.last)
         return True
 
-    def _take_back(self, part: WorkItem, sheet: FilmTile, samples: int) -> None:
-        shown = self.canvas.take_back(part, sheet, samples)
-        self.watcher.show(part.pixels, shown)
-        if self.search:
-            self.search.show(part.pixels, shown)
+    def _merge(self, item: WorkItem, tile: FilmTile, samples: int) -> None:
+        shown = self.film_tiles.merge(item, tile, samples)
+        self.listener.show(item.pixels, shown)
+        if self.sampler:
+            self.sampler.show(item.pixels, shown)
 
     def _report(self, before: int, total: int, done: int) -> None:
-        if self.keep:
-            self.keep.write_when_due()
-        self._say("rendering", before + done, total)
+        if self.checkpoint:
+            self.checkpoint.write_when_due()
+        self._send("rendering", before + done, total)
 
-    def _say(self, stage: str, done: int, total: int) -> None:
-        rays = self._drawers.rays().total() if self._drawers else 0
-        since = self._drawing if stage == "rendering" else self.began
-        self.watcher(Progress(stage, done, total, rays, time.perf_counter() - since))
+    def _send(self, stage: str, done: int, total: int) -> None:
+        """Send a progress update to the listener."""
+        rays = self._workers.rays().total() if self._workers else 0
+        since = self._rendering if stage == "rendering" else self.began
+        self.listener(Progress(stage, done, total, rays, time.perf_counter() - since))
 
     def _compile_ahead(self) -> None:
-        """Have all compiled that this picture needs, for a kernel is missing."""
+        """Compile all kernels that this render needs; called when the first one is missing."""
         if self._cluster:  # its workers need them
             return
-        self._say("compiling", 0, 1)
-        job, wants = self.job, {"layers": self.with_layers, "aimed": self.search is not None}
-        picture = picture_of(job.scene, self.plan, job.precision, job.settings.sampler, **wants)
-        compile_ahead([picture], partial(self._say, "compiling"))
+        from raytrace.rendering.kernels import compile_ahead, traits_of
+
+        self._send("compiling", 0, 1)
+        job, also = self.job, {"layers": self.with_layers, "adaptive": self.sampler is not None}
+        traits = traits_of(job.scene, job.plan, job.precision, job.settings.sampler, **also)
+        compile_ahead([traits], partial(self._send, "compiling"))
 
     def _developed(self) -> Frame:
-        """The picture after the last pass over the whole film that is complete, and all that a search added to it."""
-        spp, done = self.job.first_spp, int(self.canvas.film.samples.min())
+        """The image after the last complete round, and everything that adaptive sampling added to it."""
+        spp, done = self.job.first_spp, int(self.film_tiles.film.samples.min())
         if done >= spp:
-            return self.canvas.develop()
-        passes = [last for _, last in self._passes() if last <= done]
-        return self.canvas.develop(max(passes, default=0))
+            return self.film_tiles.develop()
+        complete = [last for _, last in self._rounds() if last <= done]
+        return self.film_tiles.develop(max(complete, default=0))
 
-    def _picture(self, complete: bool, interrupted: bool, compile_seconds: float) -> Render:
+    def _image(self, complete: bool, interrupted: bool, compile_seconds: float) -> Render:
         size, settings = self.samples.shape, self.job.settings
-        drawn = self._developed()
-        self.samples[:] = drawn.samples.reshape(size)
+        frame = self._developed()
+        self.samples[:] = frame.samples.reshape(size)
         seconds = time.perf_counter() - self.began
-        error = self.search.error if self.search else math.nan  # of the last round that is complete
-        error = root_mean(drawn.error) if math.isnan(error) else error
+        error = self.sampler.error if self.sampler else math.nan  # of the last complete round
+        error = root_mean(frame.error) if math.isnan(error) else error
         stats = {
             "seconds": seconds,
             "compile_seconds": compile_seconds,
-            "seconds_by_pass": dict(self._drawers.seconds()) if self._drawers else {},
-            "rays": dict(self._drawers.rays()) if self._drawers else {},
+            "seconds_by_pass": dict(self._workers.seconds()) if self._workers else {},
+            "rays": dict(self._workers.rays()) if self._workers else {},
             "samples": int(self.samples.sum()),
             "estimated_error": error,
-            "estimated_error_linear": root_mean(drawn.variance),
+            "estimated_error_linear": root_mean(frame.variance),
             "target_reached": None if self.job.target is None else bool(error <= self.job.target),
         }
         provenance = {
@@ -268,9 +266,10 @@ class Run:
             "complete": complete,
             "seconds": round(seconds, 4),
         }
-        rgb, stderr = drawn.rgb.reshape(*size, 3), np.minimum(np.sqrt(drawn.variance), MAX_RADIANCE).astype(np.float32)
-        return Render(rgb, stderr.reshape(size), self.layers, stats, provenance, complete, interrupted, self.keep)
+        rgb, stderr = frame.rgb.reshape(*size, 3), np.minimum(np.sqrt(frame.variance), MAX_RADIANCE).astype(np.float32)
+        return Render(rgb, stderr.reshape(size), self.layers, stats, provenance, complete, interrupted, self.checkpoint)
 
 
-def _trace_layers(scene: Scene, precision: str, size: tuple[int, int], window: Window) -> dict[str, NDArray[Any]]:
-    return trace_layers(scene, compiled_of(scene, plan_of(scene), precision).bvh, size, window)
+def _trace_layers(job: Job) -> dict[str, NDArray[Any]]:
+    bvh = compiled_of(job.scene, job.plan, job.precision).bvh
+    return trace_layers(job.scene, bvh, job.settings.size, job.window)

@@ -1,9 +1,11 @@
-"""Who draws: the threads of one process, each with wavefronts of its own."""
+"""Render threads: each thread of this process adds samples with wavefronts of its own."""
 
 import contextlib
 import threading
+import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 
@@ -12,20 +14,24 @@ from raytrace.jit import load_all
 from raytrace.passes.camera import make_view
 from raytrace.passes.sampling import make_sampler
 from raytrace.records import Scene, Settings
-from raytrace.rendering.compiled_scenes import compiled_of
-from raytrace.rendering.film_tiles import FilmTile
-from raytrace.rendering.kernels import tracing
+from raytrace.rendering.compiled_scene import compiled_of
+from raytrace.rendering.film_tiles import LONG, FilmTile, FilmTiles, blank
 from raytrace.rendering.wavefront import BATCH, Wavefront
 from raytrace.scene.plan import Plan
 
+LEAST = 1 << 20  # samples: fewer never take long; on two cores of 2020 so many take 0.01 to 1 s
+SPOTS, SAMPLES = 16, 4  # to estimate the time: places of the film where samples are taken; samples of each pixel there
+
+_loaded: set[tuple[Any, ...]] = set()  # kinds of wavefronts whose kernels this process has loaded
+
 
 class RenderThreads:
-    """Draws samples of a scene, on any number of threads at once.
+    """Adds samples of a scene, on any number of threads at once.
 
     Parameters
     ----------
     scene : Scene
-        Is built if it wasn't before.
+        Compiled on first use.
     plan : Plan
     precision : str
     settings : Settings
@@ -33,7 +39,7 @@ class RenderThreads:
     """
 
     def __init__(self, scene: Scene, plan: Plan, precision: str, settings: Settings) -> None:
-        self.scene, self.stage = scene, compiled_of(scene, plan, precision)
+        self.scene, self.compiled = scene, compiled_of(scene, plan, precision)
         self._view = make_view(scene.camera, settings.size, np.dtype(precision))
         self._sampler = make_sampler(settings.sampler, settings.seed, settings.spp)
         self._local = threading.local()
@@ -41,24 +47,31 @@ class RenderThreads:
         self._idle: list[Wavefront] = []  # of threads that have ended
 
     def load_kernels(self) -> None:
-        """Have the machine code of kernels ready here, where Ctrl-C is noticed, and not in the threads that draw."""
-        load_all(tracing(Wavefront(self.stage, self._view, self._sampler, PACKET)))
+        """Load machine code in the calling thread, which can be interrupted, before other threads need it."""
+        compiled = self.compiled
+        plan, leaves = compiled.plan, type(compiled.bvh.tree.leaves)
+        kind = compiled.bvh.precision, leaves, type(self._sampler), plan.smooth, plan.refraction, plan.lights > 0
+        if kind not in _loaded:
+            from raytrace.rendering.kernels import tracing
 
-    def draw(self, sheet: FilmTile, first: int, last: int, over: Callable[[], bool] = lambda: False) -> int:
-        """Add samples ``first`` .. ``last - 1`` of a sheet's pixels to their sums, a batch after the other.
+            load_all(tracing(Wavefront(compiled, self._view, self._sampler, PACKET)))
+            _loaded.add(kind)
+
+    def draw(self, tile: FilmTile, first: int, last: int, over: Callable[[], bool] = lambda: False) -> int:
+        """Add samples ``first`` .. ``last - 1`` of a tile's pixels to their sums, batch after batch.
 
         Returns
         -------
         int
-            The samples that the pixels have: ``last``, or fewer where it was ``over`` before.
+            The samples that the pixels have: ``last``, or fewer where ``over`` ended the work.
         """
-        n = len(sheet.x)
+        n = len(tile.x)
         step = max(1, BATCH // n)
         done = first
         while done < last and not over():
             after = min(done + step, last)
             wavefront = self._wavefront((after - done) * n)
-            wavefront.add_samples(sheet.x, sheet.y, done, after, sheet.film.sums, sheet.begin)
+            wavefront.add_samples(tile.x, tile.y, done, after, tile.film.sums, tile.begin)
             done = after
         return done
 
@@ -69,19 +82,42 @@ class RenderThreads:
             with contextlib.suppress(IndexError):  # none is left
                 front = self._local.front = self._idle.pop()
         if front is None or n > front.most:
-            front = self._local.front = Wavefront(self.stage, self._view, self._sampler, max(n, BATCH))
+            front = self._local.front = Wavefront(self.compiled, self._view, self._sampler, max(n, BATCH))
             self._wavefronts.append(front)
             self._local.__dict__.setdefault("all", []).append(front)
         if n != front.n:
             front.resize(n)
         return front
 
+    def expected(self, film_tiles: FilmTiles, spp: int, threads: int) -> float:
+        """Estimate the seconds for so many samples of each pixel; 0 where they are too few to matter."""
+        samples = len(film_tiles.at) * spp
+        if samples < LEAST:
+            return 0.0
+        seconds = 0.0
+        for pixels in (BATCH // SPOTS // SAMPLES // 4, BATCH // SPOTS // SAMPLES):
+            seconds = min(self._timed(film_tiles, pixels, min(SAMPLES, spp)) for _ in range(2)) * samples / threads
+            if seconds <= LONG:  # small batches are slower than large ones
+                break
+        return seconds
+
+    def _timed(self, film_tiles: FilmTiles, pixels: int, samples: int) -> float:
+        """Seconds per sample, for so many neighbouring pixels at each spot; the results are dropped."""
+        count = len(film_tiles.at)
+        spots = np.linspace(0, max(count - pixels, 0), SPOTS).astype(int) // PACKET * PACKET
+        tile = blank(*film_tiles.positions(np.minimum(spots[:, None] + np.arange(pixels), count - 1).ravel()))
+        began = time.perf_counter()
+        self.draw(tile, 0, samples)
+        seconds = time.perf_counter() - began
+        self.forget()
+        return seconds / (len(tile.x) * samples)
+
     def rest(self) -> None:
-        """Let the next threads have the wavefronts of those that have ended."""
+        """Make the wavefronts of threads that have ended available to the next threads."""
         self._idle, self._local = list(self._wavefronts), threading.local()
 
     def forget(self) -> None:
-        """Count rays and seconds anew."""
+        """Reset the counts of rays and seconds."""
         for front in self._wavefronts:
             front.rays.clear()
             front.seconds.clear()

@@ -1,4 +1,4 @@
-"""``warmup``: have all kernels compiled before the first picture is wanted."""
+"""``warmup``: compile all kernels before the first render."""
 
 import time
 from collections.abc import Callable
@@ -6,26 +6,26 @@ from itertools import product
 
 from raytrace.errors import FileError, RaytraceError
 from raytrace.jit import PLAIN
-from raytrace.rendering.kernels import Picture, compile_ahead
+from raytrace.rendering.kernels import Traits, compile_ahead
 from raytrace.rendering.progress import Progress
 
 PRECISIONS, SAMPLERS = ("float32", "float64"), ("sobol", "stratified", "independent")
 
 
 def warmup(progress: Callable[[Progress], None] | None = None) -> None:
-    """Compile what pictures need: both precisions, all samplers, flat and smooth, refractive, large, layers, error.
+    """Compile the kernels of every kind of render: all precisions, samplers, normals, materials, layers and errors.
 
     Parameters
     ----------
     progress : callable, optional
-        Is called with a ``Progress`` now and then.
+        Called with a ``Progress`` from time to time.
 
     Raises
     ------
     FileError
-        There is no folder to keep them in, or it has no room for them.
+        There is no folder to keep them in, or its disk is full.
     RaytraceError
-        This release of Numba can't compile them ahead.
+        This release of Numba can't compile them in advance.
 
     Examples
     --------
@@ -38,8 +38,8 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
     from raytrace.native.fallback import Unavailable
 
     began = time.perf_counter()
-    pictures = [
-        Picture(precision, sampler, smooth, refractive=True, large=True, layers=True, aimed=True)
+    renders = [
+        Traits(precision, sampler, smooth, refractive=True, large=True, layers=True, adaptive=True)
         for precision, sampler, smooth in product(PRECISIONS, SAMPLERS, (False, True))
     ]
 
@@ -47,16 +47,16 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
         if progress:
             progress(Progress("compiling", done, total, 0, time.perf_counter() - began))
 
-    tasks = compile_ahead(pictures, report)
+    tasks = compile_ahead(renders, report)
     if tasks and not store.can_keep():
         raise FileError(f"{store.cache_folder()}: can't be written to; set RAYTRACE_CACHE to another folder")
     for done, (kernel, kinds) in enumerate(tasks, 1):
-        if kernel.stored(kinds) is None:  # there were no other processes
+        if kernel.stored(kinds) is None:  # no other process compiled it
             report(done - 1, len(tasks))
             try:
                 kernel.compile(kinds)
             except Unavailable as reason:
-                raise RaytraceError(f"kernels can't be compiled ahead, only in each process: {reason}") from None
+                raise RaytraceError(f"kernels can't be compiled in advance, only in each process: {reason}") from None
     lost = sum(kernel.unkept(kinds) is not None for kernel, kinds in tasks)
     if lost:
         raise FileError(f"{store.cache_folder()}: {lost} of {len(tasks)} kernels could not be written")

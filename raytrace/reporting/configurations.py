@@ -9,10 +9,9 @@ from raytrace.accel.bundle import unbundled
 from raytrace.accel.bvh import BVH
 from raytrace.accel.layout import boxes_of, children_of
 from raytrace.records import Scene
-from raytrace.rendering.compiled_scenes import set_compiled
+from raytrace.rendering.compiled_scene import CompiledScene, compile_scene, set_compiled
 from raytrace.rendering.rendering import render
 from raytrace.rendering.result import Render
-from raytrace.rendering.wavefront import CompiledScene, compile_scene
 from raytrace.scene.plan import make_plan
 
 SAMPLERS = "sobol", "stratified", "independent"

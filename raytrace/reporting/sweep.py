@@ -14,8 +14,8 @@ from raytrace.image.files import srgb8
 from raytrace.output_folder import check_folder, write
 from raytrace.parallel import thread_count
 from raytrace.records import Scene
-from raytrace.rendering.options import override
 from raytrace.rendering.progress import Progress
+from raytrace.rendering.rendering import override
 from raytrace.reporting.advice import recommendations
 from raytrace.reporting.analysis import Order, orders_of, pareto
 from raytrace.reporting.configurations import configurations_of

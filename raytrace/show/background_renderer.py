@@ -107,7 +107,7 @@ class _PreviewSender(Preview):
         if self._next and self._renderer.outdated():  # the first frame is always sent: the user sees it while dragging
             raise _OutdatedError
         if time.perf_counter() >= self._next and self.whole():
-            self._renderer.send_preview(self.picture(MAX_SIDE), float(self.samples.mean()))
+            self._renderer.send_preview(self.image(MAX_SIDE), float(self.samples.mean()))
             if self._renderer.outdated(self._wait):
                 raise _OutdatedError
             self._next, self._wait = time.perf_counter() + PAUSE, 0.0

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from raytrace.errors import RaytraceError
 from raytrace.limits import MAX_SPP
 from raytrace.records import Scene
-from raytrace.rendering.options import within
+from raytrace.rendering.rendering import within
 from raytrace.scene.load import load
 from raytrace.show.prepared_scene import AnyScene, prepare_scene
 

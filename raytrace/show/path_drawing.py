@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from raytrace.image.files import srgb8
 from raytrace.limits import MAX_SPP
-from raytrace.rendering.options import within
-from raytrace.rendering.rendering import render
+from raytrace.rendering.rendering import render, within
 from raytrace.show.annotations import legend_handles
 from raytrace.show.drawing import VERMILION, Drawing, new_figure, show_image
 from raytrace.show.path_elevations import draw_elevations

@@ -10,9 +10,8 @@ from raytrace.accel.bvh import BVH
 from raytrace.errors import printable
 from raytrace.passes.camera import make_view
 from raytrace.records import Scene, Settings, View
-from raytrace.rendering.compiled_scenes import compiled_of
-from raytrace.rendering.options import override
-from raytrace.rendering.wavefront import CompiledScene
+from raytrace.rendering.compiled_scene import CompiledScene, compiled_of
+from raytrace.rendering.rendering import override
 from raytrace.scene.load import load
 from raytrace.scene.plan import make_plan
 

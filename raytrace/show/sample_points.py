@@ -10,7 +10,7 @@ from raytrace.limits import MAX_SIDE
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.sampling import make_sampler
 from raytrace.records import Settings, View
-from raytrace.rendering.options import override, within
+from raytrace.rendering.rendering import override, within
 from raytrace.show.drawing import BLUE, Drawing, new_figure
 
 MAX_POINTS = 1024

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.records import REFRACTIVE, Scene
-from raytrace.rendering.compiled_scenes import set_compiled
-from raytrace.rendering.wavefront import recompiled
+from raytrace.rendering.compiled_scene import recompiled, set_compiled
 from raytrace.show.orbit import orbited
 from raytrace.show.prepared_scene import PreparedScene
 

@@ -10,7 +10,7 @@ from raytrace.accel.grow import MAX_DEPTH
 from raytrace.accel.layout import boxes_of, children_of, triangles_of
 from raytrace.passes.camera import pinhole_directions
 from raytrace.records import Tree, View
-from raytrace.rendering.options import within
+from raytrace.rendering.rendering import within
 from raytrace.show.drawing import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, YELLOW, Drawing, new_figure, show_image
 from raytrace.show.prepared_scene import (
     LABELS,

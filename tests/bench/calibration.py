@@ -12,7 +12,7 @@ from raytrace.passes.estimate import LUMINANCE, MODELS
 from raytrace.passes.film import make_film
 from raytrace.records import Scene, Window
 from raytrace.rendering.adaptive import AdaptiveSampler
-from raytrace.rendering.work_items import curve
+from raytrace.rendering.film_tiles import curve
 
 SCENES = "cornell-box", "room", "glass-sphere"
 SAMPLERS = "sobol", "stratified", "independent"

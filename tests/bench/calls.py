@@ -5,7 +5,7 @@ import numpy as np
 from harness import begin, finish, interleave, parser, show, table, times_faster
 
 from raytrace.native import compiler
-from raytrace.rendering.kernels import Picture, needs
+from raytrace.rendering.kernels import Traits, needs
 
 CALLS = 2000
 
@@ -15,7 +15,7 @@ def main() -> None:
     found = begin()
     compiler.teach()
     rows = []
-    for kernel, kinds in needs(Picture("float32", "sobol", lit=True)):
+    for kernel, kinds in needs(Traits("float32", "sobol", lit=True)):
         arguments = [empty(kind) for kind in kinds]
         dispatcher = numba.njit(nogil=True, error_model="numpy", _nrt=False)(kernel.function)
         pair = {"raytrace": kernel, "Numba": dispatcher}

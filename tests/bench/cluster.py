@@ -29,7 +29,7 @@ import numpy as np
 from raytrace.rendering import cluster_worker as worker
 def nap(scene, order, x, y, samples, sums):
     time.sleep({NAP})
-    return worker.Drawn(np.zeros((12, len(x))), Counter(), {{"nap": {NAP}}})
+    return worker.Rendered(np.zeros((12, len(x))), Counter(), {{"nap": {NAP}}})
 worker._draw = nap
 """
 QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": ROOT}

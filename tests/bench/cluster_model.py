@@ -7,7 +7,7 @@ in one line what that amounts to:
 
     seconds = max(work / (workers speed), parts task, bytes / link) + 2 work / (parts slowest) + latency
 
-The last column is what `raytrace.rendering.cluster.part_pixels` chooses. Nothing here is measured: it needs no cluster.
+The last column is what `raytrace.rendering.cluster.item_pixels` chooses. Nothing here is measured: it needs no cluster.
 """
 
 import heapq
@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from harness import show, table
 
-from raytrace.rendering.cluster import RATE, part_pixels
+from raytrace.rendering.cluster import RATE, item_pixels
 
 BYTES = 96  # of a pixel: twelve sums of eight bytes
 
@@ -94,7 +94,7 @@ def main() -> None:
         rows = []
         for workers in (1, 10, 100, 1000):
             samples = int(seconds * workers * RATE / args.pixels)
-            chosen = args.pixels / part_pixels(args.pixels, samples, workers) / workers
+            chosen = args.pixels / item_pixels(args.pixels, samples, workers) / workers
             pairs = [efficiency(cluster, args, workers, each, seconds) for each in (*args.parts, chosen)]
             rows.append([workers, *(f"{simulated:.0%}" for simulated, _ in pairs)])
             rows[-1][-1] += f" ({chosen:.3g} each)"

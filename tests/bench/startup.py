@@ -50,16 +50,17 @@ from raytrace.rendering.kernels import tracing
 from raytrace.scene.plan import make_plan
 from raytrace.passes.camera import make_view
 from raytrace.passes.sampling import make_sampler
-from raytrace.rendering.wavefront import Wavefront, compile_scene
-from raytrace.rendering.compiled_scenes import set_compiled
-stage = compile_scene(scene, make_plan(scene), "float32")
-set_compiled(scene, stage)
+from raytrace.rendering.compiled_scene import compile_scene
+from raytrace.rendering.wavefront import Wavefront
+from raytrace.rendering.compiled_scene import set_compiled
+compiled = compile_scene(scene, make_plan(scene), "float32")
+set_compiled(scene, compiled)
 step("plan and trees")
 from raytrace.native import link, signatures, store
 store.cache_folder()
 step("hash the sources: which folder of the store")
 view = make_view(scene.camera, (256, 256), numpy.dtype("float32"))
-front = Wavefront(stage, view, make_sampler("sobol", 0, 4), 16)
+front = Wavefront(compiled, view, make_sampler("sobol", 0, 4), 16)
 raytrace.jit.load_all(tracing(front))
 step("read and link 8 kernels")
 image = raytrace.render(scene, size=(256, 256), spp=4)

@@ -84,7 +84,7 @@ class Mill:
             f"wrote to the terminal by itself: {answer.get('stray')}": bool(answer.get("stray")),
             f"left {left} behind": bool(left),
             "says nothing": code in (COMMAND, SCENE, FILE) and not lines,
-            f"not enough memory for a small file: {lines}": any("there is not enough" in line for line in lines),
+            f"not enough memory for a small file: {lines}": any("memory: not enough" in line for line in lines),
             f"took {answer['grown'] >> 20} MiB": answer["grown"] > case.room,
             "wrote no picture": code == DONE and bool(case.output) and not (self.folder / case.output).exists(),
             f"wrong: {answer.get('wrong')}": bool(answer.get("wrong")),

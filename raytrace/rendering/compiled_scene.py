@@ -1,0 +1,116 @@
+"""Compiled scenes: trees and tables of a scene in one precision, built once and kept as long as the scene lives."""
+
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.accel.bvh import BVH
+from raytrace.memory import Trees, check_tree
+from raytrace.passes.light import triangles_at
+from raytrace.records import REFRACTIVE, Scene, Shading
+from raytrace.scene.plan import Plan, make_plan
+
+
+class CompiledScene(NamedTuple):
+    """A scene as the passes use it, in one precision."""
+
+    plan: Plan
+    max_depth: int
+    bvh: BVH
+    shadow_bvhs: tuple[BVH, ...]  # one per light, without surfaces that its rays pass through, or that it lies on
+    shading: Shading
+    normals: NDArray[np.floating] | None  # (m * 9,) f: unit shading normals of corners; None: all flat
+    background: NDArray[np.floating]  # (3,) f
+    light_position: NDArray[np.floating]  # (l, 3) f
+    light_flux: NDArray[np.floating]  # (l, 3) f
+
+
+_compiled: WeakKeyDictionary[Scene, dict[str, CompiledScene]] = WeakKeyDictionary()  # by precision
+
+
+def compiled_of(scene: Scene, plan: Plan, precision: str) -> CompiledScene:
+    """Return the compiled scene in a precision; it is built at the first call."""
+    by_precision = _compiled.setdefault(scene, {})
+    if precision not in by_precision:
+        by_precision[precision] = compile_scene(scene, plan, precision)
+    return by_precision[precision]
+
+
+def set_compiled(scene: Scene, compiled: CompiledScene) -> None:
+    """Render a scene from this compiled scene from now on, in that precision."""
+    _compiled.setdefault(scene, {})[compiled.bvh.precision] = compiled
+
+
+def is_compiled(scene: Scene, precision: str) -> bool:
+    """Whether a scene is compiled in a precision."""
+    return precision in _compiled.get(scene, {})
+
+
+def plan_of(scene: Scene) -> Plan:
+    """Return the plan of a scene; a compiled scene has it already."""
+    for compiled in _compiled.get(scene, {}).values():
+        return compiled.plan
+    return make_plan(scene)
+
+
+def trees_of(scene: Scene, plan: Plan, precision: str) -> Trees:
+    """Return what the memory of a compiled scene depends on."""
+    triangles = 0 if is_compiled(scene, precision) else len(scene.mesh.faces)
+    width = 4 if precision == "float32" else 8
+    return Trees(triangles, 1 + plan.transparent, width, plan.refraction, plan.lights > 0)
+
+
+def compile_scene(
+    scene: Scene, plan: Plan, precision: str, split: str = "sah", triangle: str = "watertight"
+) -> CompiledScene:
+    """Build the trees and tables of a scene; ``split`` and ``triangle`` as in ``BVH``."""
+    dtype = np.dtype(precision)
+    mesh = scene.mesh
+    bvh = BVH(mesh.vertices, mesh.faces, precision, split, triangle)
+    positions = scene.lights.position.astype(dtype)
+    return CompiledScene(
+        plan,
+        scene.settings.max_depth,
+        bvh,
+        _shadow_bvhs(scene, bvh, positions),
+        Shading(bvh.triangles.ravel(), mesh.material_id, _material_table(scene, dtype)),
+        None if mesh.normals is None else mesh.normals.astype(dtype).ravel(),
+        scene.background.astype(dtype),
+        positions,
+        scene.lights.flux.astype(dtype),
+    )
+
+
+def recompiled(compiled: CompiledScene, scene: Scene) -> CompiledScene:
+    """Return the same trees for a scene that differs only in its camera, its fluxes or its materials' numbers."""
+    dtype = compiled.light_flux.dtype
+    shading = compiled.shading._replace(materials=_material_table(scene, dtype))
+    return compiled._replace(shading=shading, light_flux=scene.lights.flux.astype(dtype))
+
+
+def _material_table(scene: Scene, dtype: np.dtype) -> NDArray[np.floating]:
+    """Return the numbers of materials that shading reads."""
+    materials = scene.materials
+    refractive = materials.kind == REFRACTIVE
+    table = np.column_stack([materials.albedo, materials.ior, materials.two_sided, refractive])
+    return table.astype(dtype).ravel()
+
+
+def _shadow_bvhs(scene: Scene, bvh: BVH, positions: NDArray[np.floating]) -> tuple[BVH, ...]:
+    """Return the trees for the shadow rays of each light: ``bvh`` itself where no triangle is left out."""
+    if not len(positions):
+        return ()
+    mesh, kind = scene.mesh, (bvh.precision, bvh.split, bvh.triangle)
+    stops = ~scene.materials.transparent_shadow[mesh.material_id]
+    common = bvh if stops.all() else BVH(mesh.vertices, mesh.faces[stops], *kind)
+    trees = []
+    for position in positions:
+        rest = stops.copy()
+        rest[triangles_at(bvh.tree, bvh.triangles, position)] = False
+        alike = np.array_equal(rest, stops)
+        if not alike:
+            check_tree(len(mesh.faces), bvh.triangles.itemsize)  # the number of such trees is not known earlier
+        trees.append(common if alike else BVH(mesh.vertices, mesh.faces[rest], *kind))
+    return tuple(trees)
