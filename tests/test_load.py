@@ -128,7 +128,7 @@ def test_a_dict_tells_no_line():
         ("{} {}", "1:4: no JSON: expected nothing more"),
         ('{"a": "b', "1:7: no JSON: this string has no closing quote"),
         ('{"a": "\n"}', "1:8: no JSON: a line break or control character"),
-        ('{"a": "\\x"}', "1:8: no JSON: no escape that JSON knows"),
+        ('{"a": "\\x"}', "1:8: no JSON: unknown escape; write a backslash as two"),
         ('{"a": 1, # x\n}', "1:10: no JSON: expected a key in double quotes"),
         ('{"a": {"x": 1, "x": 2}}', '1:16: a.x: repeated key "x"; keep one'),
         ('{"a": NaN}', "1:7: a: expected a finite number, got NaN"),
@@ -250,7 +250,7 @@ def test_dict_may_hold_tuples_arrays_and_paths(tmp_path):
 
 
 def test_dict_that_has_no_form_in_json_is_one_line():
-    assert problems({"about": {1, 2}}) == ["scene: a set has no form in JSON"]
+    assert problems({"about": {1, 2}}) == ["scene: a set cannot be written as JSON"]
     around: dict = {}
     around["about"] = around
     assert problems(around) == ["scene: circular reference detected"]

@@ -1,7 +1,7 @@
-"""What two keys of a scene must agree on, and what is legal but probably not meant.
+"""Checks of what several keys of a scene must agree on, and warnings of what is legal but probably not meant.
 
-The checks look at the JSON itself, so that they can report beside the problems of the format; whatever has not the
-right form is passed over, since the format reports it.
+The checks read the JSON itself, so that their problems can be reported together with those of the format. They skip
+values of the wrong form, because ``format.py`` reports these.
 """
 
 import math
@@ -29,7 +29,7 @@ def _vector(section: Any, key: str, default: list[float] | None = None) -> Vecto
 
 
 def _unit(vector: Vector) -> Vector:
-    """Normalise without overflow or underflow; the zero vector stays what it is."""
+    """Normalise without overflow or underflow; the zero vector is unchanged."""
     largest = max(map(abs, vector))
     if largest == 0:
         return vector
@@ -39,7 +39,7 @@ def _unit(vector: Vector) -> Vector:
 
 
 def _sine(a: Vector, b: Vector) -> float:
-    """Sine of the angle between two unit vectors."""
+    """Return the sine of the angle between two unit vectors."""
     return math.hypot(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
@@ -56,7 +56,7 @@ def _check_camera(camera: Any) -> Iterator[Problem]:
         # halves: the difference of two large numbers may overflow
         x, y, z = (there / 2 - here / 2 for there, here in zip(look_at, position, strict=True))
         if _sine(_unit(up), _unit((x, y, z))) < PARALLEL:
-            text = "up is parallel to the view direction; choose another, as [0, 0, 1] for a view straight down"
+            text = "up is parallel to the view direction; choose another, such as [0, 0, 1] for a view straight down"
             yield Problem(("camera", "up") if "up" in camera else ("camera",), text)
 
 
@@ -70,7 +70,7 @@ def _check_rotations(path: Path, rotate: Any) -> Iterator[Problem]:
 
 
 def check(data: dict[str, Any]) -> list[Problem]:
-    """Find what the keys of a scene disagree on.
+    """Return the problems of keys that contradict each other.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def check(data: dict[str, Any]) -> list[Problem]:
 
 
 def warn(data: dict[str, Any]) -> list[Problem]:
-    """Find what is legal but probably not meant, in a valid scene.
+    """Return what is legal but probably not meant, in a valid scene.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def warn(data: dict[str, Any]) -> list[Problem]:
 
 
 def warnings_of(scene: "Scene", precision: str | None) -> list[str]:
-    """The warnings of a scene, and what is to be said of it if it is rendered in this precision; a line each."""
+    """Return the warnings of a scene, and those of rendering it in a precision; one line each."""
     lines = list(scene.warnings)
     if precision in ("float32", "float64") and getattr(scene, "refractive", False):
         from raytrace.scene.coincident import texts_in

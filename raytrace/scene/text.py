@@ -1,4 +1,4 @@
-"""The text of a scene: read, parsed strictly, and able to say where in it a problem lies."""
+"""The text of a scene: reads it, parses it strictly, and finds the line and column of problems."""
 
 import json
 import math
@@ -17,12 +17,12 @@ from raytrace.scene.comments import without_comments
 from raytrace.scene.meshes.given import take_meshes
 from raytrace.scene.problems import MOST, Problem, no_such_file, quote
 
-MAX_NESTING = 100  # the format itself needs 4
+MAX_NESTING = 100  # the format itself needs 5
 TOO_DEEP = f"nested more than {MAX_NESTING} deep; no part of a scene is"
-MAX_TEXT = 500  # characters of what is told of a problem
-LFS = b"version https://git-lfs.github.com/spec/"  # how a pointer begins
-MAX_DIGITS = 300  # of whole numbers; the largest float64 has 309
-SYNTAX = {  # what the json module says -> what to do
+MAX_TEXT = 500  # characters of the message of a problem
+LFS = b"version https://git-lfs.github.com/spec/"  # the beginning of a pointer file
+MAX_DIGITS = 300  # of integers; the largest float64 has 309
+SYNTAX = {  # message of the json module -> our message
     "Expecting value": "expected a value; is there a comma too many?",
     "Expecting property name enclosed in double quotes": 'expected a key in double quotes; no comma before "}"',
     "Expecting ',' delimiter": "expected a comma or the closing bracket",
@@ -32,25 +32,25 @@ SYNTAX = {  # what the json module says -> what to do
     "Extra data": "expected nothing more after the scene's closing bracket",
     "Unterminated string starting at": "this string has no closing quote",
     "Invalid control character at": "a line break or control character in a string; write it as an escape",
-    "Invalid \\escape": "no escape that JSON knows; write a backslash as two",
+    "Invalid \\escape": "unknown escape; write a backslash as two",
     "Invalid \\uXXXX escape": "expected four hexadecimal digits after \\u",
 }
 
 
 class Text:
-    """A scene's JSON text.
+    """The JSON text of a scene.
 
     Parameters
     ----------
     name : str
-        What its problems are told under: the file as the user wrote it, or "scene".
+        Begins the lines of its problems: the file as the user wrote it, or "scene".
     text : str
     in_file : bool
-        Whether there is a file in which lines and columns mean something.
+        Whether the text is that of a file, so that lines and columns make sense.
     trusted : set of str
-        What a program gave as a path, and not as text.
+        Paths that a program gave as ``pathlib.Path``.
     meshes : dict
-        Name in the text -> what a program gave as a mesh, and not as a path.
+        Name in the text -> mesh that a program gave in memory.
     """
 
     def __init__(
@@ -67,14 +67,14 @@ class Text:
         self.trusted = frozenset(trusted)
         self.meshes = meshes or {}
 
-    def tell(self, problems: Iterable[Problem], origins: positions.Origins) -> list[str]:
-        """Return the problems with their places, a line each, in the order of the text.
+    def lines(self, problems: Iterable[Problem], origins: positions.Origins) -> list[str]:
+        """Return one line per problem, with its position, in the order of the text.
 
         Parameters
         ----------
         problems : iterable of Problem
         origins : dict
-            Path of a problem -> path in this text, for parts that were translated; the longest that fits counts.
+            Path of a problem -> path in this text, for translated parts; the longest match counts.
 
         Returns
         -------
@@ -95,17 +95,17 @@ class Text:
 
     def warn(self, warnings: list[Problem], origins: positions.Origins) -> tuple[str, ...]:
         """Return lines for the first `MOST` warnings, and one for the others."""
-        lines = self.tell(warnings[:MOST], origins) if warnings else []
+        lines = self.lines(warnings[:MOST], origins) if warnings else []
         if len(warnings) > MOST:
             lines.append(f"{self.name}: and {len(warnings) - MOST:,} more warnings")
         return tuple(lines)
 
     def error(self, problems: list[Problem], origins: positions.Origins) -> SceneError | FileError:
-        """Make one error of all problems: one of files where nothing else is wrong."""
-        deep = positions.too_deep(self.text, MAX_NESTING)  # the parser took it, but what finds the problems may not
+        """Return one error for all problems: a ``FileError`` if only files can't be read."""
+        deep = positions.too_deep(self.text, MAX_NESTING)  # the parser accepts it, but the search for problems may not
         if deep >= 0:
             return SceneError([self._line(positions.Positions(self.text), deep, (), TOO_DEEP)])
-        lines = self.tell(problems[:MOST], origins)
+        lines = self.lines(problems[:MOST], origins)
         if len(problems) > MOST:
             lines.append(self._more())
         if all(problem.lacks_memory for problem in problems):
@@ -151,9 +151,9 @@ class Text:
         Raises
         ------
         SceneError
-            The text is no JSON, or holds repeated keys or numbers that are not finite, or is no object.
+            The text is not JSON or not an object, or has repeated keys or numbers that are not finite.
         """
-        doubtful = False  # what the parser can't place; the scan, run only then, can
+        doubtful = False  # found by the parser, which has no offset; a scan then finds it
 
         def join(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
             nonlocal doubtful
@@ -190,7 +190,7 @@ def _decode(name: str, data: bytes) -> str:
     if text := mistaken(data):
         raise FileError(f"{name}: {text}")
     try:
-        return data.decode("utf-8-sig")  # some editors begin UTF-8 with a byte order mark
+        return data.decode("utf-8-sig")  # some editors write a byte order mark first
     except UnicodeDecodeError as error:
         good = data[: error.start].decode("utf-8-sig")
         line, column = positions.Positions(good).line_column(len(good))
@@ -230,12 +230,12 @@ def read_file(path: Path) -> Text:
 
 
 def from_dict(scene: dict[str, Any]) -> Text:
-    """Write a dict, which may hold tuples, NumPy arrays, paths and meshes, as the text of a scene.
+    """Return a dict as the text of a scene; it may contain tuples, NumPy arrays, paths and meshes.
 
     Raises
     ------
     SceneError
-        It holds what JSON can't.
+        It contains a value that JSON cannot express.
 
     Examples
     --------
@@ -250,7 +250,7 @@ def from_dict(scene: dict[str, Any]) -> Text:
         if isinstance(value, os.PathLike):
             trusted.add(str(os.fspath(value)))
             return os.fspath(value)
-        raise TypeError(f"a {type(value).__name__} has no form in JSON")
+        raise TypeError(f"a {type(value).__name__} cannot be written as JSON")
 
     try:
         scene, meshes = take_meshes(scene)

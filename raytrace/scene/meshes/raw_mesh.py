@@ -78,9 +78,9 @@ def turned_round(mesh: RawMesh) -> RawMesh:
 
 
 def quiet_unused(mesh: RawMesh) -> RawMesh:
-    """Move vertices that no face uses to one that is used, where they lie outside the bounds of those that are.
+    """Move vertices that no face uses to a used one, where they lie outside the bounds of the used ones.
 
-    So they decide neither whether a mesh can be rendered, nor in which precision.
+    Otherwise they could decide whether a mesh can be rendered, and in which precision.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def quiet_unused(mesh: RawMesh) -> RawMesh:
         return mesh
     kept = mesh.vertices[used]
     low, high = kept.min(axis=0), kept.max(axis=0)
-    far = ~used & ~((mesh.vertices >= low) & (mesh.vertices <= high)).all(axis=1)  # also what is no number
+    far = ~used & ~((mesh.vertices >= low) & (mesh.vertices <= high)).all(axis=1)  # also NaN
     if not far.any():
         return mesh
     vertices = mesh.vertices.copy()
@@ -103,7 +103,7 @@ def quiet_unused(mesh: RawMesh) -> RawMesh:
 
 
 def concatenate(meshes: list[RawMesh]) -> RawMesh:
-    """Make one mesh of several; corners of those without normals refer to row -1.
+    """Return one mesh made of several; corners of those without normals refer to row -1.
 
     Examples
     --------
