@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from raytrace.limits import MAX_PIXELS, MAX_SIDE
 from raytrace.scene import schema_text
 from raytrace.scene.format import read_format
-from raytrace.scene.problems import MOST
+from raytrace.scene.problems import MAX_PROBLEMS
 
 pytestmark = pytest.mark.nojit
 SCENES = sorted((Path(__file__).parents[1] / "scenes").glob("*.json"))
@@ -197,4 +197,4 @@ def test_two_shapes_and_a_matrix_beside_another_transform_are_refused():
 
 def test_of_very_many_problems_few_more_than_are_reported_are_found():
     data = {**WHOLE, "objects": [{"mesh": 1, **{f"k{i}": 0 for i in range(50)}}] * 5000}
-    assert len(read_format(data).problems) == MOST + 1
+    assert len(read_format(data).problems) == MAX_PROBLEMS + 1

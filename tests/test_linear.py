@@ -9,7 +9,7 @@ import pytest
 
 import raytrace as rt
 from raytrace.errors import FileError, SceneError
-from raytrace.scene.problems import LISTED, MOST, listed, nearest, unknown_name
+from raytrace.scene.problems import LISTED, MAX_PROBLEMS, listed, nearest, unknown_name
 
 ROOT = Path(__file__).parents[1]
 WHITE = {"type": "diffuse", "albedo": [1, 1, 1]}
@@ -129,7 +129,7 @@ def test_twice_the_size_takes_twice_the_steps_at_most(tmp_path, name):
     steps(path)  # imports
     (few, _), (many, told) = steps(path), steps(write(tmp_path, CASES[name](2000)))
     assert many <= 2.5 * few + 2000  # a search among the first errors adds a logarithm
-    assert len(told) <= MOST + 1
+    assert len(told) <= MAX_PROBLEMS + 1
     assert max(map(len, told), default=0) < 1000
 
 
@@ -180,6 +180,6 @@ def test_a_message_lists_few_of_many_names():
 
 def test_warnings_that_are_left_out_are_counted(tmp_path):
     scene = rt.load(write(tmp_path, json.dumps(DICTS["materials that nothing uses"](250) | {"lights": []})))
-    assert len(scene.warnings) == MOST + 1
+    assert len(scene.warnings) == MAX_PROBLEMS + 1
     assert scene.warnings[-1].endswith("scene.json: and 151 more warnings")
     assert any("no lights" in line for line in scene.warnings)

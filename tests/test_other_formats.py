@@ -204,13 +204,13 @@ def test_xml_declares_nothing(tmp_path, encoding):
     text = '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/passwd">]><a>&b;</a>'
     (tmp_path / "a.dae").write_bytes(text.encode(encoding))
     with pytest.raises(
-        rt.SceneError, match="XML with a document type or entities is not read|UTF-16 text; save it as UTF-8"
+        rt.SceneError, match=r"XML with a document type or entities is not read|UTF-16 text; save it as UTF-8"
     ):
         read_mesh(tmp_path / "a.dae")
     with zipfile.ZipFile(tmp_path / "a.zae", "w") as archive:
         archive.writestr("b.dae", text.encode(encoding))
     with pytest.raises(
-        rt.SceneError, match="XML with a document type or entities is not read|UTF-16 text; save it as UTF-8"
+        rt.SceneError, match=r"XML with a document type or entities is not read|UTF-16 text; save it as UTF-8"
     ):
         read_mesh(tmp_path / "a.zae")
 

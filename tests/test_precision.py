@@ -210,7 +210,7 @@ def test_what_leaves_the_range_of_float64_is_refused(part):
     said = {
         "camera": "camera: coordinates reach 1e",
         "light": "lights.0.: coordinates",
-        "tiny": "holds less than 1e-75",
+        "tiny": "can represent less than 1e-75",
     }
     with pytest.raises(rt.SceneError, match=said[part]):
         choose_precision(scene)

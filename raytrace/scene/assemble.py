@@ -17,7 +17,7 @@ from raytrace.scene.joining import MeshWarning, join
 from raytrace.scene.meshes.given import MARK, read_given
 from raytrace.scene.meshes.reading import read_mesh
 from raytrace.scene.positions import Origins
-from raytrace.scene.problems import MOST, Problem, shape_problem
+from raytrace.scene.problems import MAX_PROBLEMS, Problem, shape_problem
 from raytrace.scene.shapes import make_shape, shape_of, shape_size, sphere_frequency
 from raytrace.scene.text import Text
 from raytrace.scene.transforms import PlacedMesh, place
@@ -75,9 +75,9 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
         warnings=(),
     )
     if made.refractive:
-        from raytrace.scene.coincident import MOST, chosen_coincidences
+        from raytrace.scene.coincident import MOST_PAIRS, chosen_coincidences
 
-        for found in chosen_coincidences(made)[:MOST]:
+        for found in chosen_coincidences(made)[:MOST_PAIRS]:
             warnings.append(Problem(("objects", found.first), found.text(names)))
     return replace(made, warnings=text.warn(warnings, origins)) if warnings else made
 
@@ -105,7 +105,7 @@ class _Shapes:
         """Place all objects, or collect the problems."""
         rows = {name: row for row, name in enumerate(self._scene.materials)}
         for i, entry in enumerate(self._scene.objects):
-            if len(self.problems) > MOST:  # no more are reported, and each one reads a folder
+            if len(self.problems) > MAX_PROBLEMS:  # no more are reported, and each one reads a folder
                 return
             try:
                 raw = self._mesh(i, entry) if entry.mesh is not None else self._shape(entry)

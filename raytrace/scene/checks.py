@@ -9,13 +9,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from raytrace.scene.positions import Path
-from raytrace.scene.problems import HINTED, MOST, Problem, unknown_name
+from raytrace.scene.problems import HINTED, MAX_PROBLEMS, Problem, unknown_name
 
 if TYPE_CHECKING:
     from raytrace.records import Scene
 
-# sine of the angle between up and the view direction; the film's axes lose 1e-16 / PARALLEL of their direction
-PARALLEL = 1e-6
+# sine of the angle between up and the view direction; the film's axes lose 1e-16 / MIN_SINE of their direction
+MIN_SINE = 1e-6
 
 
 Vector = tuple[float, float, float]
@@ -55,7 +55,7 @@ def _check_camera(camera: Any) -> Iterator[Problem]:
     elif up is not None and any(up):
         # halves: the difference of two large numbers may overflow
         x, y, z = (there / 2 - here / 2 for there, here in zip(look_at, position, strict=True))
-        if _sine(_unit(up), _unit((x, y, z))) < PARALLEL:
+        if _sine(_unit(up), _unit((x, y, z))) < MIN_SINE:
             text = "up is parallel to the view direction; choose another, such as [0, 0, 1] for a view straight down"
             yield Problem(("camera", "up") if "up" in camera else ("camera",), text)
 
@@ -85,7 +85,7 @@ def check(data: dict[str, Any]) -> list[Problem]:
     materials = data.get("materials")
     objects = data.get("objects")
     for i, entry in enumerate(objects if isinstance(objects, list) else []):
-        if len(problems) > MOST:
+        if len(problems) > MAX_PROBLEMS:
             break
         hint = len(problems) < HINTED
         name = entry.get("material") if isinstance(entry, dict) else None

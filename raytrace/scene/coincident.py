@@ -13,10 +13,12 @@ from raytrace.scene.facets import Facets, Mask, coincident_pairs, make_facets
 from raytrace.scene.neighbours import Objects
 from raytrace.scene.precision import choose_precision, gamma
 
-MARGIN = 4  # errors of a point by which two triangles must overlap, so that touching along an edge does not count
-LIFT = 4  # bounds by which to move the surfaces apart, so that they stay apart after rounding
-PARALLEL = 0.99  # cosine between directions that count as one
-MOST = 20  # pairs of objects that are named
+OVERLAP_ERRORS = (
+    4  # errors of a point by which two triangles must overlap, so that touching along an edge does not count
+)
+LIFT_BOUNDS = 4  # bounds by which to move the surfaces apart, so that they stay apart after rounding
+SAME_DIRECTION = 0.99  # cosine between directions that count as one
+MOST_PAIRS = 20  # pairs of objects that are named
 
 _found: WeakKeyDictionary[Scene, dict[str, tuple["Coincidence", ...]]] = WeakKeyDictionary()  # by precision
 
@@ -78,7 +80,7 @@ def chosen_coincidences(scene: Scene) -> tuple[Coincidence, ...]:
 
 def warn_coincident(scene: Scene, precision: str, stacklevel: int) -> None:
     """Issue a ``SceneWarning`` for each of the first coincidences."""
-    for found in coincidences(scene, precision)[:MOST]:
+    for found in coincidences(scene, precision)[:MOST_PAIRS]:
         warnings.warn(f"objects[{found.first}]: {found.text(scene.objects)}", SceneWarning, stacklevel=stacklevel + 1)
 
 
@@ -86,7 +88,7 @@ def texts_in(scene: Scene, precision: str) -> list[str]:
     """Return one line per coincidence that a precision has and the scene's own precision has not."""
     known = {(found.first, found.second) for found in chosen_coincidences(scene)}
     new = [found for found in coincidences(scene, precision) if (found.first, found.second) not in known]
-    return [f"objects[{found.first}]: {found.text(scene.objects)}" for found in new[:MOST]]
+    return [f"objects[{found.first}]: {found.text(scene.objects)}" for found in new[:MOST_PAIRS]]
 
 
 def _search(mesh: Mesh, refractive: Mask, precision: str) -> tuple[Coincidence, ...]:
@@ -115,16 +117,16 @@ def _move(a: Facets, b: Facets, error: float) -> tuple[float, tuple[float, float
         return None
     largest = float(max(-a.low.min(), a.high.max()))
     pairs: set[tuple[int, int]] = set()
-    for found in coincident_pairs(a, b, MARGIN * error * largest):
+    for found in coincident_pairs(a, b, OVERLAP_ERRORS * error * largest):
         pairs.update(zip(*(rows.tolist() for rows in found), strict=True))
         if len(pairs) > 1:  # these suffice
             break
     else:
         return None
     i, j = np.array(sorted(pairs)).T
-    lift = max(LIFT * float((a.bound[i] + b.bound[j]).max()), error * largest)
+    lift = max(LIFT_BOUNDS * float((a.bound[i] + b.bound[j]).max()), error * largest)
     inwards = -a.normal[:, i[0]]
-    if (inwards @ a.normal[:, i] > -PARALLEL).any():
+    if (inwards @ a.normal[:, i] > -SAME_DIRECTION).any():
         return lift, None
     x, y, z = (inwards + 0.0).tolist()
     return lift, (x, y, z)

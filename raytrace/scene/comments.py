@@ -4,7 +4,9 @@ import re
 from typing import NamedTuple
 
 # every alternative matches whatever follows its first character, so that the search takes linear time
-PIECE = re.compile(r'"[^"\\]*(?:\\.[^"\\]*)*(?:"|\\?\Z)|(?P<comment>//[^\r\n]*|/\*.*?(?:\*/|\Z))', re.DOTALL)
+STRING_OR_COMMENT = re.compile(
+    r'"[^"\\]*(?:\\.[^"\\]*)*(?:"|\\?\Z)|(?P<comment>//[^\r\n]*|/\*.*?(?:\*/|\Z))', re.DOTALL
+)
 CHARACTER = re.compile(r"[^\r\n]")
 
 
@@ -45,4 +47,4 @@ def without_comments(text: str) -> Uncommented:
             unclosed = piece.start()
         return CHARACTER.sub(" ", comment)
 
-    return Uncommented(PIECE.sub(blank, text), unclosed)
+    return Uncommented(STRING_OR_COMMENT.sub(blank, text), unclosed)

@@ -11,9 +11,9 @@ Rows = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 Keys = NDArray[np.uint64]
 
-ROUNDINGS = 4  # as in docs/numerics.md, "Where a ray leaves a surface": 3, and one of the vertices themselves
-EXTENTS = 4  # the same
-SAMPLE = 1 << 13  # pairs that are tested first
+BOUND_ROUNDINGS = 4  # as in docs/numerics.md, "Where a ray leaves a surface": 3, and one of the vertices themselves
+BOUND_EXTENTS = 4  # the same
+FIRST_PAIRS = 1 << 13  # pairs that are tested first
 AT_ONCE = 1 << 17  # pairs that are tested at once
 MOST_PARTNERS = 64  # of a triangle in one cell; if there are more, these suffice for a warning
 
@@ -50,8 +50,8 @@ def make_facets(corners: Reals, unit: float) -> Facets:
     normal = np.divide(cross, area, out=np.zeros_like(cross), where=good)
     height = np.divide(area, longest, out=np.zeros_like(area), where=good)
     low, high = corners.min(axis=0), corners.max(axis=0)
-    gamma = ROUNDINGS * unit / (1 - ROUNDINGS * unit)
-    reach = np.maximum(-low, high) + EXTENTS * (high - low)
+    gamma = BOUND_ROUNDINGS * unit / (1 - BOUND_ROUNDINGS * unit)
+    reach = np.maximum(-low, high) + BOUND_EXTENTS * (high - low)
     bound = gamma * (np.abs(normal) * reach).sum(axis=0)
     return Facets(corners, low, high, normal, bound, height).take(good)
 
@@ -76,7 +76,7 @@ def coincident_pairs(a: Facets, b: Facets, margin: float) -> Iterator[tuple[Rows
 
 def _candidates(a: Facets, b: Facets) -> Iterator[tuple[Rows, Rows]]:
     """Yield pairs near each other and near one plane: for each size of triangles, with all smaller ones."""
-    if len(a.bound) * len(b.bound) <= SAMPLE:
+    if len(a.bound) * len(b.bound) <= FIRST_PAIRS:
         i, j = np.divmod(np.arange(len(a.bound) * len(b.bound)), max(len(b.bound), 1))
         yield i, j
         return
@@ -116,8 +116,8 @@ def _near(a: Facets, some_a: Mask, b: Facets, some_b: Mask, cell: float, pad: fl
 def _shares(count: Rows) -> Iterator[slice]:
     """Yield slices of entries with so many pairs each: first a sample of them, then all, a few at a time."""
     total = int(count.sum())
-    if total > SAMPLE:
-        yield slice(None, None, -(-total // SAMPLE))
+    if total > FIRST_PAIRS:
+        yield slice(None, None, -(-total // FIRST_PAIRS))
     ends = np.searchsorted(np.cumsum(count), np.arange(AT_ONCE, total + AT_ONCE, AT_ONCE), "right").tolist()
     for begin, end in zip([0, *ends], [*ends, len(count)], strict=False):
         if begin < end:

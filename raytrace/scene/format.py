@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from raytrace.scene import schema_text
 from raytrace.scene.positions import Path
-from raytrace.scene.problems import MOST, Problem, listed, nearest, quote, unknown_key, unknown_name
+from raytrace.scene.problems import MAX_PROBLEMS, Problem, listed, nearest, quote, unknown_key, unknown_name
 from raytrace.scene.rules import check_film, check_matrix, list_rotations, scale_factors
 
 Schema = dict[str, Any]
@@ -47,7 +47,7 @@ class Reading(NamedTuple):
     """A scene as attributes, or what is wrong with it."""
 
     scene: SimpleNamespace | None  # numbers as float, lists of fixed length as tuples, defaults filled in
-    problems: list[Problem]  # empty if there is a scene; at most ``MOST`` + 1
+    problems: list[Problem]  # empty if there is a scene; at most ``MAX_PROBLEMS`` + 1
 
 
 class _EnoughError(Exception):
@@ -89,7 +89,7 @@ class _Reader:
 
     def _report(self, path: Path, text: str, at_key: bool = False) -> None:
         self.problems.append(Problem(path, text, at_key))
-        if len(self.problems) > MOST:
+        if len(self.problems) > MAX_PROBLEMS:
             raise _EnoughError
 
     def _resolve(self, schema: Schema) -> Schema:
@@ -165,7 +165,7 @@ class _Reader:
         choice = [option["required"][0] for option in schema.get("oneOf", ())]
         present = [key for key in choice if key in value]
         if unknown and (lacking or (choice and not present)):  # a misspelt key is one problem, not two
-            misspelt = {nearest(key, known) for key in unknown[: MOST + 1]}
+            misspelt = {nearest(key, known) for key in unknown[: MAX_PROBLEMS + 1]}
             lacking = [key for key in lacking if key not in misspelt]
             choice = [] if misspelt & set(choice) else choice
         for key in lacking:

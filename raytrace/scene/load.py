@@ -11,7 +11,7 @@ from raytrace.errors import FileError, SceneError
 from raytrace.scene import checks, positions, rdr
 from raytrace.scene.files import Reach, check_root, locate
 from raytrace.scene.format import read_format
-from raytrace.scene.problems import MOST, Problem, shape_problem
+from raytrace.scene.problems import MAX_PROBLEMS, Problem, shape_problem
 from raytrace.scene.text import from_dict, read_file
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def load(source: str | Path | dict[str, Any], root: str | Path | None = None, ma
     problems: list[Problem] = []
     if rdr.is_dialect(data):
         data, origins, problems = rdr.translate(data)
-        if len(problems) > MOST:  # the translation is not whole
+        if len(problems) > MAX_PROBLEMS:  # the translation is not whole
             raise text.error(problems, origins)
     scene, found = read_format(data)
     if problems:  # the translation has already reported missing keys
@@ -89,7 +89,7 @@ def _missing_meshes(data: dict[str, Any], reach: Reach, given: Mapping[str, Any]
     problems = list[Problem]()
     located: set[str] = set()
     for i, entry in enumerate(objects if isinstance(objects, list) else []):
-        if len(problems) > MOST:
+        if len(problems) > MAX_PROBLEMS:
             break
         mesh = entry.get("mesh") if isinstance(entry, dict) else None
         if isinstance(mesh, str) and mesh and mesh not in given and mesh not in located:

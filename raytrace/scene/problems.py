@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from raytrace.errors import FileError, FileMemoryError, SceneError, printable, shortened
 from raytrace.scene.positions import Path
 
-MOST = 100  # problems that are reported per scene
+MAX_PROBLEMS = 100  # problems that are reported per scene
 MAX_PATH = 300  # characters of a path that are shown
 ESCAPED = "\b\t\n\f\r"  # results of a backslash and a letter
 SEARCHED = 1000  # known names that are compared with a misspelt one

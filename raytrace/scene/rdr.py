@@ -9,7 +9,7 @@ import contextlib
 from typing import Any
 
 from raytrace.scene.positions import Path
-from raytrace.scene.problems import HINTED, MOST, Problem, listed, quote, unknown_key, unknown_name
+from raytrace.scene.problems import HINTED, MAX_PROBLEMS, Problem, listed, quote, unknown_key, unknown_name
 
 Json = dict[str, Any]
 
@@ -43,7 +43,7 @@ class _Translation:
 
     def report(self, path: Path, text: str, at_key: bool = False) -> None:
         self.problems.append(Problem(path, text, at_key))
-        if len(self.problems) > MOST:
+        if len(self.problems) > MAX_PROBLEMS:
             raise _EnoughError
 
     def section(self, path: Path, value: Any, required: tuple[str, ...], optional: tuple[str, ...] = ()) -> Json:

@@ -15,7 +15,7 @@ from raytrace.misnamed import ENCODED, is_utf16, mistaken
 from raytrace.scene import positions
 from raytrace.scene.comments import without_comments
 from raytrace.scene.meshes.given import take_meshes
-from raytrace.scene.problems import MOST, Problem, no_such_file, quote
+from raytrace.scene.problems import MAX_PROBLEMS, Problem, no_such_file, quote
 
 MAX_NESTING = 100  # the format itself needs 5
 TOO_DEEP = f"nested more than {MAX_NESTING} deep; no part of a scene is"
@@ -94,10 +94,10 @@ class Text:
         return [line for _, line in sorted(placed, key=lambda pair: pair[0])]
 
     def warn(self, warnings: list[Problem], origins: positions.Origins) -> tuple[str, ...]:
-        """Return lines for the first `MOST` warnings, and one for the others."""
-        lines = self.lines(warnings[:MOST], origins) if warnings else []
-        if len(warnings) > MOST:
-            lines.append(f"{self.name}: and {len(warnings) - MOST:,} more warnings")
+        """Return lines for the first `MAX_PROBLEMS` warnings, and one for the others."""
+        lines = self.lines(warnings[:MAX_PROBLEMS], origins) if warnings else []
+        if len(warnings) > MAX_PROBLEMS:
+            lines.append(f"{self.name}: and {len(warnings) - MAX_PROBLEMS:,} more warnings")
         return tuple(lines)
 
     def error(self, problems: list[Problem], origins: positions.Origins) -> SceneError | FileError:
@@ -105,8 +105,8 @@ class Text:
         deep = positions.too_deep(self.text, MAX_NESTING)  # the parser accepts it, but the search for problems may not
         if deep >= 0:
             return SceneError([self._line(positions.Positions(self.text), deep, (), TOO_DEEP)])
-        lines = self.lines(problems[:MOST], origins)
-        if len(problems) > MOST:
+        lines = self.lines(problems[:MAX_PROBLEMS], origins)
+        if len(problems) > MAX_PROBLEMS:
             lines.append(self._more())
         if all(problem.lacks_memory for problem in problems):
             return FileMemoryError("\n".join(lines))
@@ -115,7 +115,7 @@ class Text:
         return SceneError(lines)
 
     def _more(self) -> str:
-        return f"{self.name}: and more: these are the first {MOST}"
+        return f"{self.name}: and more: these are the first {MAX_PROBLEMS}"
 
     def _line(self, where: positions.Positions, offset: int, path: positions.Path, text: str) -> str:
         place = ":".join(map(str, (self.name, *where.line_column(offset)))) if self.in_file else self.name
@@ -139,11 +139,11 @@ class Text:
     def _refuse_doubtful(self) -> NoReturn:
         where = positions.Positions(self.text)
         lines = []
-        for offset, path, word in islice(positions.doubtful(self.text), MOST + 1):
+        for offset, path, word in islice(positions.doubtful(self.text), MAX_PROBLEMS + 1):
             key = f"repeated key {quote(path[-1])}; keep one"
             text = f"expected a finite number, got {shortened(word)}" if word else key
             lines.append(self._line(where, offset, path, text))
-        raise SceneError([*lines[:MOST], self._more()] if len(lines) > MOST else lines)
+        raise SceneError([*lines[:MAX_PROBLEMS], self._more()] if len(lines) > MAX_PROBLEMS else lines)
 
     def parse(self) -> dict[str, Any]:
         """Return the scene as JSON types.

@@ -1,8 +1,8 @@
 """glTF files to arrays, binary (GLB) and as text   [glTF].
 
-An own reader, because a file may announce what it does not hold: each count is compared with the bytes that are there
-before anything is made of it, nodes must be a tree, and other files are read by ``other`` only. Meshes stand as the
-file poses them: nodes, instances, morph targets and skins. Materials, animations, lines and points are skipped.
+This is our own reader, because the sizes that a file states may be wrong: each count is compared with the bytes that
+exist before memory is allocated, nodes must be a tree, and only ``other`` reads other files. Nodes, instances, morph
+targets and skins are applied. Materials, animations, lines and points are skipped.
 """
 
 import json
@@ -30,14 +30,14 @@ POSITIONS, NORMALS = (FLOAT, BYTE, UBYTE, SHORT, USHORT), (FLOAT, BYTE, SHORT)  
 
 
 def read_glb(data: bytes, most: float = MAX_TRIANGLES) -> list[RawMesh]:
-    """Yield the triangles of all nodes of the scene of a GLB file, with the transforms of the nodes applied.
+    """Return the triangles of all nodes of the scene of a GLB file, with the transforms of the nodes applied.
 
     Parameters
     ----------
     data : bytes
         The file's content.
     most : float
-        Triangles that it may have: nodes may place a mesh any number of times.
+        The most triangles allowed: nodes may place a mesh any number of times.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def read_glb(data: bytes, most: float = MAX_TRIANGLES) -> list[RawMesh]:
     --------
     >>> read_glb(b"glTF")
     Traceback (most recent call last):
-    ValueError: the header announces 0 bytes, the file has 4
+    ValueError: the header states 0 bytes, the file has 4
     """
     document, chunk = _chunks(data)
     return _read(document, Accessors(document, chunk), most)

@@ -1,7 +1,7 @@
 """Wavefront OBJ text to arrays.
 
-Why trimesh does not read it is measured in docs/robustness.md. The text is worked on in bulk; a line is looked at alone
-only where it is irregular. Materials, texture coordinates, groups, lines and points are ignored.
+Why trimesh does not read it is measured in docs/robustness.md. The text is processed in bulk; single lines are
+processed only where they are irregular. Materials, texture coordinates, groups, lines and points are ignored.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ class ObjError(ValueError):
     Parameters
     ----------
     line : int
-        Number of the line to blame, from 1.
+        Number of the wrong line, from 1.
     text : str
         What is wrong with it.
     """

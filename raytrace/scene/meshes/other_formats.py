@@ -1,6 +1,6 @@
 """Mesh files that need more than their own bytes: text glTF with its buffers, and the formats that trimesh reads.
 
-trimesh is imported only here, when such a file is read. It gets the content of the file and can open no other one.
+trimesh is imported only here, when such a file is read. It receives the content of the file and cannot open other files.
 """
 
 import io
@@ -50,9 +50,9 @@ def other_reader(path: Path, reach: Reach | None, allowance: Allowance) -> Reade
     path : pathlib.Path
         The file.
     reach : Reach or None
-        Where the files may lie that it names; None: below its folder.
+        Folders for the files that it names; None: its own folder.
     allowance : Allowance
-        Memory that all of them may take.
+        Memory that all of them may use.
     """
     kind, where = format_of(path), reach or Reach(path.parent)
     if kind == ".gltf":

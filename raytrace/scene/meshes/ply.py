@@ -1,6 +1,6 @@
 """PLY files to arrays.
 
-Rows of equal length, nearly always the case, are read all at once, others one by one.
+Rows of equal length, the usual case, are read all at once; others one by one.
 Colours, texture coordinates, edges and all other data are ignored.
 """
 
@@ -196,7 +196,7 @@ def read_ply(data: bytes) -> RawMesh | None:
     Returns
     -------
     RawMesh or None
-        None: it has no faces. Those of fewer than three corners are none.
+        None if it has no faces of at least three corners.
 
     Raises
     ------

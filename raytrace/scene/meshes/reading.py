@@ -31,9 +31,9 @@ PLACED = 200  # bytes per triangle that a node places
 
 
 MAX_REASON = 300  # characters
-PIECE = 2**20  # bytes of a compressed file that are unpacked at a time
-BEGIN = 100  # bytes that identify the kind of a file
-SPACES = 32  # characters up to this one separate words
+UNPACKED_BYTES = 2**20  # bytes of a compressed file that are unpacked at a time
+KIND_BYTES = 100  # bytes that identify the kind of a file
+LAST_SPACE = 32  # characters up to this one separate words
 
 
 def _read_bytes(path: Path, allowance: Allowance) -> bytes:
@@ -43,7 +43,7 @@ def _read_bytes(path: Path, allowance: Allowance) -> bytes:
             return path.read_bytes()
         with gzip.open(path) as file:
             data = io.BytesIO()
-            while piece := file.read(PIECE):
+            while piece := file.read(UNPACKED_BYTES):
                 data.write(piece)
                 if data.tell() > MAX_MESH:
                     raise FileError(f"{path}: unpacks to more than {MAX_MESH} bytes; split it or simplify it")
@@ -51,7 +51,7 @@ def _read_bytes(path: Path, allowance: Allowance) -> bytes:
             return data.getvalue()
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         with path.open("rb") as file:
-            _check_kind(path, file.read(BEGIN))
+            _check_kind(path, file.read(KIND_BYTES))
         raise SceneError([f"{path}: broken or truncated gzip file: {error}"]) from None
     except FileError:
         raise
@@ -86,7 +86,7 @@ def _words(data: bytes, kind: str) -> int | None:
     text = kind == ".obj" or (kind == ".ply" and b"format ascii" in data[:1000]) or (kind == ".stl" and is_text(data))
     if not text:
         return None
-    return int(np.count_nonzero(np.frombuffer(data, np.uint8) <= SPACES)) + data.count(b"/") * (kind == ".obj")
+    return int(np.count_nonzero(np.frombuffer(data, np.uint8) <= LAST_SPACE)) + data.count(b"/") * (kind == ".obj")
 
 
 def _check(mesh: RawMesh, path: Path) -> None:

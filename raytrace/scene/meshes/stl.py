@@ -8,7 +8,7 @@ from raytrace.records import RawMesh
 from raytrace.scene.meshes.words import WordError, number, plain, to_array
 
 HEAD, ROW = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])  # bytes; a triangle
-BEGIN = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:solid|facet)[^\0]*", re.IGNORECASE)
+TEXT_BEGIN = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:solid|facet)[^\0]*", re.IGNORECASE)
 SOLID = re.compile(rb"solid[^\n]*")  # with a name, which may be any words
 PARTED = re.compile(rb"\bend\s+(facet|loop|solid)\b")
 
@@ -20,7 +20,7 @@ def is_binary(data: bytes) -> bool:
 
 def is_text(data: bytes) -> bool:
     """Return whether a file begins like a text; the headers of many binary files begin with "solid" too."""
-    begin = BEGIN.match(data[:HEAD])
+    begin = TEXT_BEGIN.match(data[:HEAD])
     return not is_binary(data) and begin is not None and begin.end() == len(data[:HEAD])
 
 

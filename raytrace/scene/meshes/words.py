@@ -78,12 +78,12 @@ def to_array(words: Sequence[bytes], kind: Callable[[bytes], Any], odd: bool = T
     kind : ``number`` or ``whole``
         float64 or int64.
     odd : bool
-        Whether any may have a "_", by which Python parts digits.
+        Whether any may have a "_", which Python accepts between digits.
 
     Raises
     ------
     WordError
-        The first word that is no such number.
+        The first word that is not such a number.
     """
     dtype = np.dtype(np.float64 if kind is number else np.int64)
     if not odd or b"_" not in b"".join(words):
