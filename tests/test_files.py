@@ -67,7 +67,7 @@ def test_a_path_out_of_the_folder_is_refused_by_name(outside, mesh):
     ["file:///etc/passwd", "FILE:cube.obj", "http://localhost/cube.obj", "https://[::1]/a.glb", "data:,v", "s3:/a.obj"],
 )
 def test_a_uri_is_refused_by_name(tmp_path, mesh):
-    assert f"objects[0].mesh: {mesh}: a URI; name a file: nothing is fetched" in refusal(write(tmp_path, of(mesh)))
+    assert f"objects[0].mesh: {mesh}: a URI; name a file: nothing is downloaded" in refusal(write(tmp_path, of(mesh)))
 
 
 def test_a_link_out_of_the_folder_is_refused_by_name(outside):

@@ -85,7 +85,7 @@ def test_it_agrees_with_trimesh_on_trees_of_nodes(seed):
 )
 def test_lists_strips_and_fans(mode, corners, expected):
     if expected is None:
-        with pytest.raises(ValueError, match="5 corners are no triangles"):
+        with pytest.raises(ValueError, match="5 corners do not make triangles"):
             read(*document(indices=corners, mode=mode))
     else:
         assert read(*document(indices=corners, mode=mode)).faces.tolist() == expected
@@ -108,7 +108,7 @@ def test_rows_may_stand_apart_and_buffers_in_the_text():
     header["buffers"][0]["uri"] = uri
     assert read(header, b"").vertices.tolist() == POINTS.tolist()
     header["buffers"][0]["uri"] = uri + "*"
-    with pytest.raises(ValueError, match=r"buffers\[0\]: its data is no base64"):
+    with pytest.raises(ValueError, match=r"buffers\[0\]: its data is not base64"):
         read(header, b"")
 
 
@@ -130,30 +130,30 @@ def changed(path, value, **more):
 @pytest.mark.parametrize(
     ("path", "value", "told"),
     [
-        (("accessors", 0, "count"), 2_000_000_000, r"accessors\[0\] announces 2000000000 rows of 12 bytes"),
+        (("accessors", 0, "count"), 2_000_000_000, r"accessors\[0\] states 2000000000 rows of 12 bytes"),
         (("accessors", 0, "count"), -1, "count: expected a whole number, got -1"),
         (("accessors", 0, "count"), 10**30, "count: expected a whole number, got 1000"),
         (("accessors", 0, "count"), True, "count: expected a whole number, got True"),
         (("accessors", 0, "count"), 5.0, "count: expected a whole number, got 5.0"),
-        (("accessors", 0, "byteOffset"), 4, r"accessors\[0\] announces 5 rows of 12 bytes, its view has 60 bytes"),
-        (("accessors", 0, "byteOffset"), 2**52, r"accessors\[0\] announces"),
-        (("accessors", 0, "componentType"), 5125, r"accessors\[0\] does not hold what it is used for"),
-        (("accessors", 0, "componentType"), [], r"accessors\[0\] does not hold what it is used for"),
-        (("accessors", 0, "type"), "VEC4", r"accessors\[0\] does not hold what it is used for"),
-        (("accessors", 1, "componentType"), 5126, r"accessors\[1\] does not hold what it is used for"),
+        (("accessors", 0, "byteOffset"), 4, r"accessors\[0\] states 5 rows of 12 bytes, its view has 60 bytes"),
+        (("accessors", 0, "byteOffset"), 2**52, r"accessors\[0\] states"),
+        (("accessors", 0, "componentType"), 5125, r"accessors\[0\] does not have the type that its use needs"),
+        (("accessors", 0, "componentType"), [], r"accessors\[0\] does not have the type that its use needs"),
+        (("accessors", 0, "type"), "VEC4", r"accessors\[0\] does not have the type that its use needs"),
+        (("accessors", 1, "componentType"), 5126, r"accessors\[1\] does not have the type that its use needs"),
         (("accessors", 0, "sparse"), {"count": 10**9}, r"accessors\[0\]: sparse: expected indices of at most 5 rows"),
         (("accessors", 0, "sparse"), [], "sparse: expected an object"),
-        (("scenes",), [], "there is no scene in it"),
+        (("scenes",), [], "it has no scene"),
         (("accessors", 0, "bufferView"), 7, r"bufferViews\[7\] does not exist"),
         (("accessors", 0), 3, r"accessors\[0\]: expected an object"),
         (("accessors",), {}, "accessors: expected a list"),
         (("bufferViews", 0, "byteStride"), 0, r"accessors\[0\] has rows of 12 bytes every 0 bytes"),
-        (("bufferViews", 0, "byteStride"), 2**40, r"accessors\[0\] announces 5 rows"),
+        (("bufferViews", 0, "byteStride"), 2**40, r"accessors\[0\] states 5 rows"),
         (("bufferViews", 0, "byteOffset"), 2**52, "a view of 60 bytes from 4503599627370496 on leaves its buffer"),
         (("bufferViews", 0, "byteLength"), 2**63, "byteLength: expected a whole number"),
         (("bufferViews", 0, "byteLength"), 2**40, "a view of 1099511627776 bytes from 0 on leaves its buffer"),
         (("bufferViews", 0, "buffer"), 1, r"buffers\[1\] does not exist"),
-        (("nodes", 0, "children"), [0], r"nodes\[0\] stands in the scene twice; nodes must be a tree"),
+        (("nodes", 0, "children"), [0], r"nodes\[0\] is in the scene twice; nodes must be a tree"),
         (("nodes", 0, "children"), [9], r"nodes\[9\] does not exist"),
         (("nodes", 0, "children"), ["a"], r"nodes\[a\] does not exist"),
         (("nodes", 0, "mesh"), -1, r"meshes\[-1\] does not exist"),
@@ -185,9 +185,9 @@ def test_normals_belong_to_vertices():
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (lambda data: data[:4] + b"\1\0\0\0" + data[8:], "does not begin as glTF 2.0 does"),
-        (lambda data: b"gltf" + data[4:], "does not begin as glTF 2.0 does"),
-        (lambda data: data[:8] + b"\xff\xff\xff\xff" + data[12:], "the header announces 4294967295 bytes"),
+        (lambda data: data[:4] + b"\1\0\0\0" + data[8:], "the file does not begin with the header of glTF 2.0"),
+        (lambda data: b"gltf" + data[4:], "the file does not begin with the header of glTF 2.0"),
+        (lambda data: data[:8] + b"\xff\xff\xff\xff" + data[12:], "the header states 4294967295 bytes"),
         (lambda data: data[:12] + b"\xff\xff\xff\xff" + data[16:], "a chunk is longer than the file"),
         (lambda data: data[:16] + b"JSOM" + data[20:], "Expecting value"),
         (lambda data: data[:20] + b"[" + data[21:], "Expecting|delimiter"),

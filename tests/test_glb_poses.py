@@ -153,10 +153,10 @@ def test_sparse_accessors_replace_rows():
     del file.json["accessors"][0]["bufferView"]  # the others are 0 then
     assert read(file).vertices.tolist() == [[0, 0, 0], [7, 0, 0], [0, 0, 0], [0, 7, 0]]
     sparse["indices"]["bufferView"] = file.view(np.array([3, 1], "<u2"))
-    with pytest.raises(ValueError, match=r"accessors\[0\]: sparse: the indices do not rise, or reach 4"):
+    with pytest.raises(ValueError, match=r"accessors\[0\]: sparse: the indices do not increase, or reach 4"):
         read(file)
     sparse["indices"]["bufferView"] = file.view(np.array([1, 4], "<u2"))
-    with pytest.raises(ValueError, match="do not rise, or reach 4"):
+    with pytest.raises(ValueError, match="do not increase, or reach 4"):
         read(file)
 
 

@@ -122,7 +122,7 @@ def test_a_scene_of_skins_agrees_with_the_sum_written_out():
     [
         (lambda file: file.json["skins"][0].update(joints=[]), r"skins\[0\] has 0 joints, a vertex has joint 0"),
         (lambda file: file.json["skins"][0].update(joints=[77]), r"nodes\[77\] does not exist"),
-        (lambda file: file.json["skins"][0].update(inverseBindMatrices=1), "accessors.1. does not hold"),
+        (lambda file: file.json["skins"][0].update(inverseBindMatrices=1), "accessors.1. does not have the type"),
         (lambda file: file.json.pop("skins"), r"skins\[0\] does not exist"),
         (lambda file: file.json["nodes"][1].update(children=[1]), "nodes must be a tree"),
         (lambda file: file.json["nodes"].append({"children": [1]}), None),
@@ -153,4 +153,4 @@ def test_what_a_skin_lacks_is_a_warning():
     del file.attributes["JOINTS_0"]
     file.node["translation"] = [0, 3, 0]
     assert read(file).vertices[0].tolist() == [0, 3, 0]
-    assert read(file).warnings == ("a mesh with a skin has no joints and weights; it stands where its node puts it",)
+    assert read(file).warnings == ("a mesh with a skin has no joints and weights; the transform of its node is used",)

@@ -15,7 +15,8 @@ from raytrace.scene.meshes import reading
 from raytrace.scene.meshes.obj import read_obj
 from raytrace.scene.meshes.raw_mesh import concatenate, transform
 from raytrace.scene.meshes.reading import read_mesh
-from raytrace.scene.place import averaged_normals, face_normals, rotation
+from raytrace.scene.normals import averaged_normals, face_normals
+from raytrace.scene.transforms import rotation
 from scene_files import CUBE, TRIANGLE, scene, triangle_glb, write
 
 PLY = """ply
@@ -170,29 +171,29 @@ def test_broken_obj_names_the_line(tmp_path, text, told):
         ("a.ply", PLY.replace("3 0 2 3", "3 0 2 7"), ": face row 1 uses vertices [0, 2, 7], but there are 4"),
         ("a.ply", PLY.replace("3 0 2 3", "3 0 2 -1"), ": face row 1 uses vertices [0, 2, -1], but there are 4"),
         ("a.ply", PLY.replace("1 1 0", "1 nan 0"), ": vertex row 2 is not finite: [1.0, nan, 0.0]"),
-        ("a.ply", PLY[:-16], ": no complete PLY file: the file ends before row 0 of element face does"),
-        ("a.ply", PLY[:60], ": no complete PLY file: the header has no end"),
-        ("a.ply", "", ": no complete PLY file: the header has no end"),
+        ("a.ply", PLY[:-16], ": not a complete PLY file: the file ends before row 0 of element face does"),
+        ("a.ply", PLY[:60], ": not a complete PLY file: the header has no end"),
+        ("a.ply", "", ": not a complete PLY file: the header has no end"),
         ("a.ply", PLY[: PLY.index("3 0 1 2")].replace("face 2", "face 0"), ": no triangles in it"),
         (
             "a.ply",
             PLY.replace("1 1 0", "1 x 0"),
-            ": no complete PLY file: row 2 of element vertex: expected a number as y, got 'x'",
+            ": not a complete PLY file: row 2 of element vertex: expected a number as y, got 'x'",
         ),
         (
             "a.ply",
             "format ascii\nelement vertex 1\nend_header\n1\n",
-            ': no complete PLY file: the first line is not "ply"',
+            ': not a complete PLY file: the first line is not "ply"',
         ),
-        ("a.stl", "solid x\nendsolid x\n", ": no "),
-        ("a.stl", "", ": no "),
-        ("a.glb", b"", ": no complete GLB file: the header announces 0 bytes, the file has 0"),
-        ("a.glb", b"x" * 100, ": no complete GLB file: "),
+        ("a.stl", "solid x\nendsolid x\n", ": no triangles in it"),
+        ("a.stl", "", ": not a complete "),
+        ("a.glb", b"", ": not a complete GLB file: the header states 0 bytes, the file has 0"),
+        ("a.glb", b"x" * 100, ": not a complete GLB file: "),
         ("a.obj.gz", b"no gzip", ": broken or truncated gzip file: Not a gzipped file"),
         ("a.obj.gz", gzip.compress(TRIANGLE.encode())[:-9], ": broken or truncated gzip file: "),
-        ("a.fbx", "", ": no mesh format that can be read (known: .obj, .ply, .stl, .glb, .gltf, .off, .3mf, "),
-        ("a", "", ": no mesh format that can be read"),
-        (".gz", "", ": no mesh format that can be read"),
+        ("a.fbx", "", ": not a known mesh format (known: .obj, .ply, .stl, .glb, .gltf, .off, .3mf, "),
+        ("a", "", ": not a known mesh format"),
+        (".gz", "", ": not a known mesh format"),
     ],
     ids=range(18),
 )
@@ -205,7 +206,7 @@ def test_truncated_binary_file_is_one_clear_line_at_any_length(tmp_path, kind):
     whole = binary(kind)
     for length in np.random.default_rng(5).choice(len(whole), 40, replace=False):
         told = problem(save(tmp_path, f"a.{kind}", whole[:length]))
-        assert told.startswith((f": no complete {kind.upper()} file: ", ": no triangles in it")), length
+        assert told.startswith((f": not a complete {kind.upper()} file: ", ": no triangles in it")), length
 
 
 @pytest.mark.parametrize("kind", ["obj", "ply", "stl", "glb"])
@@ -239,7 +240,7 @@ def test_missing_file_directory_and_vast_file_are_file_errors(tmp_path, monkeypa
         monkeypatch.setattr(module, "MAX_MESH", 1000)
     with pytest.raises(FileError, match="more than 1000 bytes"):
         read_mesh(save(tmp_path, "vast.obj", "#" * 1001))
-    with pytest.raises(FileError, match="unfolds to more than 1000 bytes"):
+    with pytest.raises(FileError, match="unpacks to more than 1000 bytes"):
         read_mesh(save(tmp_path, "vast.obj.gz", gzip.compress(b"#" * 1001)))
     read_mesh(save(tmp_path, "large.obj", TRIANGLE + "#" * (1000 - len(TRIANGLE))))
 

@@ -119,7 +119,8 @@ def test_a_backslash_that_json_took_for_an_escape_is_explained(tmp_path, name):
     path.write_text(json.dumps(of("@")).replace("@", rf"meshes\{name}.obj"))
     with pytest.raises(FileError) as caught:
         rt.load(path)
-    told = f'meshes\\{name}.obj: no such file; write "/" between folders: "\\t" and the like are no letters in JSON'
+    told = f'meshes\\{name}.obj: no such file; write "/" between folders: '
+    told += '"\\t" and the like are control characters in JSON'
     assert told.replace("\\box", "\\x08ox").replace("\\frame", "\\x0crame") in str(caught.value)
 
 

@@ -136,9 +136,9 @@ def test_a_file_cut_short_is_told_at_any_length(order, sizes):
     [
         (("ply\n", "plyer\n"), 'the first line is not "ply"'),
         (("format ascii 1.0\n", ""), "its header names no format"),
-        (("format ascii 1.0", "format utf8 1.0"), "its header has a line that no reader knows: format utf8 1.0"),
-        (("element vertex 5", "element vertex -5"), "a line that no reader knows: element vertex -5"),
-        (("element vertex 5\n", ""), "a line that no reader knows: property float x"),
+        (("format ascii 1.0", "format utf8 1.0"), "its header has a line of no known kind: format utf8 1.0"),
+        (("element vertex 5", "element vertex -5"), "a line of no known kind: element vertex -5"),
+        (("element vertex 5\n", ""), "a line of no known kind: property float x"),
         (("\n3 ", "\n-3 "), "row 0 of element face has a list of -3 numbers"),
     ],
 )

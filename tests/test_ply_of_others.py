@@ -101,7 +101,9 @@ def test_normals_that_are_no_numbers_matter_only_where_they_are_used(tmp_path):
         assert len(loaded(tmp_path, text).mesh.faces) == 2
     text = ply(["0 0 1", "0 up 0", "0 0 2", "0 0 0"], properties=properties)
     assert len(loaded(tmp_path, text).mesh.faces) == 2
-    with pytest.raises(SceneError, match=r"a\.ply: row 1 of element vertex: expected a number as ny, got 'up'; mend"):
+    with pytest.raises(
+        SceneError, match=r"a\.ply: row 1 of element vertex: expected a number as ny, got 'up'; correct"
+    ):
         loaded(tmp_path, text, "smooth")
     assert read_ply(ply("0 1", properties=properties[: properties.index("property float nz")]).encode()).normals is None
 

@@ -145,14 +145,14 @@ def test_the_scene_s_wish_outranks_the_bound(asked):
     scene = rt.load(BOX)
     wished = dataclasses.replace(scene, settings=scene.settings._replace(precision=asked))
     assert rt.explain(wished).precision.name == asked
-    assert rt.explain(wished).precision.why == "asked for by the scene"
+    assert rt.explain(wished).precision.why == "set by the scene"
     assert rt.render(wished, spp=1, size=(8, 8)).provenance["precision"] == asked
 
 
 def test_a_wish_that_the_bound_contradicts_is_told_so():
     scene = moved(rt.load(BOX), shift=1e6)
     wished = dataclasses.replace(scene, settings=scene.settings._replace(precision="float32"))
-    assert choose_precision(wished).why == "asked for by the scene; features below 1.6e+02 are not safe in float32"
+    assert choose_precision(wished).why == "set by the scene; features below 1.6e+02 are not safe in float32"
 
 
 def test_features_that_float64_can_not_tell_apart_are_told():
@@ -180,7 +180,7 @@ def test_levels_that_float32_can_not_hold_ask_for_float64(change, told):
 def test_a_scene_that_no_precision_can_hold_is_refused_and_told_the_bound(shift):
     scene = moved(rt.load(BOX), shift=shift)
     error = GAMMA * 2.0**-53 * shift
-    with pytest.raises(rt.SceneError, match=r"objects\[0\]: floor.obj is 2 large, but") as caught:
+    with pytest.raises(rt.SceneError, match=r"objects\[0\]: floor.obj has size 2, but") as caught:
         rt.explain(scene)
     assert len(caught.value.problems) == len(scene.objects)
     assert all(f"gamma(27) x {shift:.3g} = {error:.2g}" in problem for problem in caught.value.problems)
@@ -209,7 +209,7 @@ def test_what_leaves_the_range_of_float64_is_refused(part):
     said = {
         "camera": "camera: coordinates reach 1e",
         "light": "lights.0.: coordinates",
-        "tiny": "holds less than 1e-75",
+        "tiny": "can represent less than 1e-75",
     }
     with pytest.raises(rt.SceneError, match=said[part]):
         choose_precision(scene)

@@ -55,7 +55,7 @@ def test_buffers_of_gltf_are_read_in_the_scene_s_folder_only(tmp_path):
             assert loaded(folder, root=tmp_path).mesh.vertices.tolist() == SQUARE.tolist()
     for uri in ("http://example.org/a.bin", "file:///etc/passwd", "HTTPS://example.org/a.bin"):
         gltf(folder, uri)
-        with pytest.raises(rt.SceneError, match="a URI; name a file: nothing is fetched"):
+        with pytest.raises(rt.SceneError, match="a URI; name a file: nothing is downloaded"):
             loaded(folder, root=tmp_path)
 
 
@@ -87,7 +87,7 @@ def test_what_is_wrong_with_a_buffer_is_one_line(tmp_path):
     with pytest.raises(rt.FileError, match="can't be read"):
         loaded(tmp_path)
     (tmp_path / "a.gltf").write_text("")
-    with pytest.raises(rt.SceneError, match="no complete GLTF file: Expecting value"):
+    with pytest.raises(rt.SceneError, match="not a complete GLTF file: Expecting value"):
         loaded(tmp_path)
 
 

@@ -47,10 +47,10 @@ def test_files_without_triangles_hold_none():
 @pytest.mark.parametrize(
     ("data", "told"),
     [
-        (b"", "the header announces 0 triangles, the file has 0 bytes"),
-        (binary(np.zeros((2, 3, 3)), 2_000_000_000), "announces 2000000000 triangles, the file has 184 bytes"),
-        (binary(np.zeros((2, 3, 3)), 1), "announces 1 triangles, the file has 184 bytes"),
-        (binary(np.zeros((2, 3, 3)))[:-1], "announces 2 triangles, the file has 183 bytes"),
+        (b"", "the header states 0 triangles, the file has 0 bytes"),
+        (binary(np.zeros((2, 3, 3)), 2_000_000_000), "states 2000000000 triangles, the file has 184 bytes"),
+        (binary(np.zeros((2, 3, 3)), 1), "states 1 triangles, the file has 184 bytes"),
+        (binary(np.zeros((2, 3, 3)))[:-1], "states 2 triangles, the file has 183 bytes"),
         (TEXT.encode()[:-30], "the text ends before a solid does"),
         (TEXT.replace("vertex 1e0 0 0\n", "").encode(), "1 facets have 2 vertices; expected 3 of each"),
         (TEXT.replace("1.5", "x").encode(), "facet row 0: expected a number, got b'x'"),

@@ -83,7 +83,7 @@ def test_names_may_be_any_words(name):
 def test_a_binary_file_that_begins_as_a_text_is_binary(head):
     assert corners(binary(head)) == CORNERS
     for count, extra, length in ((1, b"\0", 135), (2, b"", 134), (70_000, b"endsolid", 142)):
-        with pytest.raises(ValueError, match=f"the header announces {count} triangles, the file has {length} bytes"):
+        with pytest.raises(ValueError, match=f"the header states {count} triangles, the file has {length} bytes"):
             read_stl(binary(head, count, extra))
 
 

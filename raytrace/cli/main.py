@@ -19,7 +19,6 @@ from raytrace.errors import RaytraceError, printable, without_scene_warnings
 DONE, INTERNAL, USAGE, FILE, DIFFERENT = 0, 1, 2, 4, 5  # 3, an invalid scene, is SceneError.exit_code
 QUICK = {  # environment variables that skip slow steps of packages at import
     "OPENBLAS_NUM_THREADS": "1",  # NumPy would start threads for linear algebra: 0.07 s of CPU time
-    "PYDANTIC_DISABLE_PLUGINS": "__all__",  # pydantic would search all packages for plugins: 0.01 s and more
 }
 EXAMPLES = """\
 examples:

@@ -1,20 +1,21 @@
-"""What two keys of a scene must agree on, and what is legal but probably not meant.
+"""Checks of what several keys of a scene must agree on, and warnings of what is legal but probably not meant.
 
-The checks look at the JSON itself, so that they can report beside the problems of the format; whatever has not the
-right form is passed over, since the format reports it.
+The checks read the JSON itself, so that their problems can be reported together with those of the format. They skip
+values of the wrong form, because ``format.py`` reports these.
 """
 
 import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from raytrace.scene.problems import HINTED, MOST, Problem, unknown_name
+from raytrace.scene.positions import Path
+from raytrace.scene.problems import HINTED, MAX_PROBLEMS, Problem, unknown_name
 
 if TYPE_CHECKING:
     from raytrace.records import Scene
 
-# sine of the angle between up and the view direction; the film's axes lose 1e-16 / PARALLEL of their direction
-PARALLEL = 1e-6
+# sine of the angle between up and the view direction; the film's axes lose 1e-16 / MIN_SINE of their direction
+MIN_SINE = 1e-6
 
 
 Vector = tuple[float, float, float]
@@ -28,7 +29,7 @@ def _vector(section: Any, key: str, default: list[float] | None = None) -> Vecto
 
 
 def _unit(vector: Vector) -> Vector:
-    """Normalise without overflow or underflow; the zero vector stays what it is."""
+    """Normalise without overflow or underflow; the zero vector is unchanged."""
     largest = max(map(abs, vector))
     if largest == 0:
         return vector
@@ -38,7 +39,7 @@ def _unit(vector: Vector) -> Vector:
 
 
 def _sine(a: Vector, b: Vector) -> float:
-    """Sine of the angle between two unit vectors."""
+    """Return the sine of the angle between two unit vectors."""
     return math.hypot(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
@@ -54,13 +55,22 @@ def _check_camera(camera: Any) -> Iterator[Problem]:
     elif up is not None and any(up):
         # halves: the difference of two large numbers may overflow
         x, y, z = (there / 2 - here / 2 for there, here in zip(look_at, position, strict=True))
-        if _sine(_unit(up), _unit((x, y, z))) < PARALLEL:
-            text = "up is parallel to the view direction; choose another, as [0, 0, 1] for a view straight down"
+        if _sine(_unit(up), _unit((x, y, z))) < MIN_SINE:
+            text = "up is parallel to the view direction; choose another, such as [0, 0, 1] for a view straight down"
             yield Problem(("camera", "up") if "up" in camera else ("camera",), text)
 
 
+def _check_rotations(path: Path, rotate: Any) -> Iterator[Problem]:
+    several = isinstance(rotate, list)
+    for k, rotation in enumerate(rotate if several else [rotate]):
+        axis = _vector(rotation, "axis")
+        if axis is not None and not any(axis):
+            where = (*path, k, "axis") if several else (*path, "axis")
+            yield Problem(where, "the axis has no direction; expected a vector other than 0")
+
+
 def check(data: dict[str, Any]) -> list[Problem]:
-    """Find what the keys of a scene disagree on.
+    """Return the problems of keys that contradict each other.
 
     Parameters
     ----------
@@ -75,21 +85,19 @@ def check(data: dict[str, Any]) -> list[Problem]:
     materials = data.get("materials")
     objects = data.get("objects")
     for i, entry in enumerate(objects if isinstance(objects, list) else []):
-        if len(problems) > MOST:
+        if len(problems) > MAX_PROBLEMS:
             break
         hint = len(problems) < HINTED
         name = entry.get("material") if isinstance(entry, dict) else None
         if isinstance(name, str) and isinstance(materials, dict) and name not in materials:
             problems.append(Problem(("objects", i, "material"), unknown_name("material", name, materials, hint)))
-        axis = _vector(entry.get("rotate"), "axis") if isinstance(entry, dict) else None
-        if axis is not None and not any(axis):
-            text = "the axis has no direction; expected a vector other than 0"
-            problems.append(Problem(("objects", i, "rotate", "axis"), text))
+        if isinstance(entry, dict):
+            problems += _check_rotations(("objects", i, "rotate"), entry.get("rotate"))
     return problems
 
 
 def warn(data: dict[str, Any]) -> list[Problem]:
-    """Find what is legal but probably not meant, in a valid scene.
+    """Return what is legal but probably not meant, in a valid scene.
 
     Parameters
     ----------
@@ -111,7 +119,7 @@ def warn(data: dict[str, Any]) -> list[Problem]:
 
 
 def warnings_of(scene: "Scene", precision: str | None) -> list[str]:
-    """The warnings of a scene, and what is to be said of it if it is rendered in this precision; a line each."""
+    """Return the warnings of a scene, and those of rendering it in a precision; one line each."""
     lines = list(scene.warnings)
     if precision in ("float32", "float64") and getattr(scene, "refractive", False):
         from raytrace.scene.coincident import texts_in

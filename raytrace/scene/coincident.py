@@ -1,4 +1,4 @@
-"""Where a refractive surface coincides with another surface, so that rays that leave the one can miss the other."""
+"""Warnings of refractive surfaces that coincide with another surface, so that rays from one can miss the other."""
 
 import math
 import warnings
@@ -13,10 +13,12 @@ from raytrace.scene.facets import Facets, Mask, coincident_pairs, make_facets
 from raytrace.scene.neighbours import Objects
 from raytrace.scene.precision import choose_precision, gamma
 
-MARGIN = 4  # errors of a point by which two triangles must overlap, so that touching along an edge does not count
-LIFT = 4  # bounds to move apart by, so that the surfaces stay apart after rounding
-PARALLEL = 0.99  # cosine between directions that count as one
-MOST = 20  # pairs of objects that are named
+OVERLAP_ERRORS = (
+    4  # errors of a point by which two triangles must overlap, so that touching along an edge does not count
+)
+LIFT_BOUNDS = 4  # bounds by which to move the surfaces apart, so that they stay apart after rounding
+SAME_DIRECTION = 0.99  # cosine between directions that count as one
+MOST_PAIRS = 20  # pairs of objects that are named
 
 _found: WeakKeyDictionary[Scene, dict[str, tuple["Coincidence", ...]]] = WeakKeyDictionary()  # by precision
 
@@ -25,22 +27,22 @@ class Coincidence(NamedTuple):
     """Two objects, one of them refractive, whose surfaces coincide over more than one triangle."""
 
     first: int  # number of the refractive object
-    second: int  # number of the other; the same number: two sheets of one object
+    second: int  # number of the other; the same number: two layers of one object
     lift: float  # world units: how far to move one of the two
     direction: tuple[float, float, float] | None  # of the move, into the first object; None: there are several
 
     def text(self, objects: tuple[str, ...]) -> str:
-        """What is wrong, and how to fix it.
+        """Return what is wrong, and how to fix it.
 
         Examples
         --------
         >>> print(Coincidence(0, 1, 2e-5, (0.0, 1.0, 0.0)).text(("cube.obj", "floor.obj")))
-        cube.obj is refractive and coincides with floor.obj (objects[1]): rays that leave the one can miss the other; lift it by 2e-05 along (0, 1, 0)
+        cube.obj is refractive and coincides with floor.obj (objects[1]): rays that leave one can miss the other; lift it by 2e-05 along (0, 1, 0)
         """  # noqa: E501
         name = f"{objects[self.first]} is refractive and coincides with"
-        where = "rays that leave the one can miss the other"
+        where = "rays that leave one can miss the other"
         if self.first == self.second:
-            return f"{name} itself: {where}; remove one of the two sheets, or move it by {self.lift:g}"
+            return f"{name} itself: {where}; remove one of the two layers, or move it by {self.lift:g}"
         other = f"{objects[self.second]} (objects[{self.second}])"
         if self.direction is None:
             return f"{name} {other}: {where}; move the two apart by {self.lift:g} wherever they touch"
@@ -49,7 +51,7 @@ class Coincidence(NamedTuple):
 
 
 def coincidences(scene: Scene, precision: str) -> tuple[Coincidence, ...]:
-    """Find refractive surfaces that coincide with others, in a precision; the result is kept with the scene.
+    """Return refractive surfaces that coincide with others in a precision; the result is kept with the scene.
 
     Parameters
     ----------
@@ -69,7 +71,7 @@ def coincidences(scene: Scene, precision: str) -> tuple[Coincidence, ...]:
 
 
 def chosen_coincidences(scene: Scene) -> tuple[Coincidence, ...]:
-    """The same in the scene's own precision; nothing where the scene fits no precision, which its plan reports."""
+    """Return the same for the scene's own precision; nothing if no precision suffices, which the plan reports."""
     try:
         return coincidences(scene, choose_precision(scene).name)
     except SceneError:
@@ -78,19 +80,19 @@ def chosen_coincidences(scene: Scene) -> tuple[Coincidence, ...]:
 
 def warn_coincident(scene: Scene, precision: str, stacklevel: int) -> None:
     """Issue a ``SceneWarning`` for each of the first coincidences."""
-    for found in coincidences(scene, precision)[:MOST]:
+    for found in coincidences(scene, precision)[:MOST_PAIRS]:
         warnings.warn(f"objects[{found.first}]: {found.text(scene.objects)}", SceneWarning, stacklevel=stacklevel + 1)
 
 
 def texts_in(scene: Scene, precision: str) -> list[str]:
-    """Coincidences in a precision that the scene's own does not have, a line each."""
+    """Return one line per coincidence that a precision has and the scene's own precision has not."""
     known = {(found.first, found.second) for found in chosen_coincidences(scene)}
     new = [found for found in coincidences(scene, precision) if (found.first, found.second) not in known]
-    return [f"objects[{found.first}]: {found.text(scene.objects)}" for found in new[:MOST]]
+    return [f"objects[{found.first}]: {found.text(scene.objects)}" for found in new[:MOST_PAIRS]]
 
 
 def _search(mesh: Mesh, refractive: Mask, precision: str) -> tuple[Coincidence, ...]:
-    """Search each refractive object for doubled sheets, and with each object whose box meets its own."""
+    """Search each refractive object for doubled layers, and compare it with each object whose box meets its own."""
     objects = Objects(mesh)
     glass = refractive[objects.first]
     error, unit = gamma(precision), float(np.finfo(precision).eps) / 2
@@ -110,27 +112,27 @@ def _search(mesh: Mesh, refractive: Mask, precision: str) -> tuple[Coincidence, 
 
 
 def _move(a: Facets, b: Facets, error: float) -> tuple[float, tuple[float, float, float] | None] | None:
-    """How far, and where to, a has to move so that it coincides with b no more; None: it doesn't over two triangles."""
+    """Return how far and where to move a so that it no longer coincides with b; None: under two triangles do."""
     if not (a.bound.size and b.bound.size):
         return None
     largest = float(max(-a.low.min(), a.high.max()))
     pairs: set[tuple[int, int]] = set()
-    for found in coincident_pairs(a, b, MARGIN * error * largest):
+    for found in coincident_pairs(a, b, OVERLAP_ERRORS * error * largest):
         pairs.update(zip(*(rows.tolist() for rows in found), strict=True))
-        if len(pairs) > 1:  # enough is known
+        if len(pairs) > 1:  # these suffice
             break
     else:
         return None
     i, j = np.array(sorted(pairs)).T
-    lift = max(LIFT * float((a.bound[i] + b.bound[j]).max()), error * largest)
+    lift = max(LIFT_BOUNDS * float((a.bound[i] + b.bound[j]).max()), error * largest)
     inwards = -a.normal[:, i[0]]
-    if (inwards @ a.normal[:, i] > -PARALLEL).any():
+    if (inwards @ a.normal[:, i] > -SAME_DIRECTION).any():
         return lift, None
     x, y, z = (inwards + 0.0).tolist()
     return lift, (x, y, z)
 
 
 def _rounded_up(x: float) -> float:
-    """Two digits that are not less."""
+    """Return a number rounded up to two digits."""
     digits = 1 - math.floor(math.log10(x))
     return float(f"{math.ceil(x * 10.0**digits)}e{-digits}")

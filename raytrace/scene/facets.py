@@ -1,4 +1,4 @@
-"""Triangles that may coincide with others: found by hashing their place and their plane, then tested one by one."""
+"""Finds triangles that coincide: by hashing their positions and planes, then testing the candidates."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -11,11 +11,11 @@ Rows = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 Keys = NDArray[np.uint64]
 
-ROUNDINGS = 4  # as in docs/numerics.md, "Where a ray leaves a surface": 3, and one of the vertices themselves
-EXTENTS = 4  # the same
-SAMPLE = 1 << 13  # pairs that are tested first
+BOUND_ROUNDINGS = 4  # as in docs/numerics.md, "Where a ray leaves a surface": 3, and one of the vertices themselves
+BOUND_EXTENTS = 4  # the same
+FIRST_PAIRS = 1 << 13  # pairs that are tested first
 AT_ONCE = 1 << 17  # pairs that are tested at once
-MOST_PARTNERS = 64  # of a triangle in one cell; where there are more, those are enough for a warning
+MOST_PARTNERS = 64  # of a triangle in one cell; if there are more, these suffice for a warning
 
 
 class Facets(NamedTuple):
@@ -25,16 +25,16 @@ class Facets(NamedTuple):
     low: Reals  # (3, m): bounds
     high: Reals  # (3, m)
     normal: Reals  # (3, m): unit
-    bound: Reals  # (m,): within which a ray that leaves the triangle, or arrives at it, may miss another
+    bound: Reals  # (m,): distance within which a ray that leaves or reaches the triangle may miss another
     height: Reals  # (m,): the smallest
 
     def take(self, rows: Rows | Mask) -> "Facets":
-        """Some of the rows."""
+        """Return some of the rows."""
         return Facets(*(column[..., rows] for column in self))
 
 
 def make_facets(corners: Reals, unit: float) -> Facets:
-    """Compute what the search needs of triangles; those without area are left out.
+    """Return the data of triangles that the search needs; triangles without area are left out.
 
     Parameters
     ----------
@@ -50,14 +50,14 @@ def make_facets(corners: Reals, unit: float) -> Facets:
     normal = np.divide(cross, area, out=np.zeros_like(cross), where=good)
     height = np.divide(area, longest, out=np.zeros_like(area), where=good)
     low, high = corners.min(axis=0), corners.max(axis=0)
-    gamma = ROUNDINGS * unit / (1 - ROUNDINGS * unit)
-    reach = np.maximum(-low, high) + EXTENTS * (high - low)
+    gamma = BOUND_ROUNDINGS * unit / (1 - BOUND_ROUNDINGS * unit)
+    reach = np.maximum(-low, high) + BOUND_EXTENTS * (high - low)
     bound = gamma * (np.abs(normal) * reach).sum(axis=0)
     return Facets(corners, low, high, normal, bound, height).take(good)
 
 
 def coincident_pairs(a: Facets, b: Facets, margin: float) -> Iterator[tuple[Rows, Rows]]:
-    """Pairs of rows of a and b that coincide over an area: in one plane within their bounds, overlapping in it.
+    """Yield pairs of triangles of a and b that coincide: they lie in one plane within their bounds, and overlap in it.
 
     Parameters
     ----------
@@ -75,8 +75,8 @@ def coincident_pairs(a: Facets, b: Facets, margin: float) -> Iterator[tuple[Rows
 
 
 def _candidates(a: Facets, b: Facets) -> Iterator[tuple[Rows, Rows]]:
-    """Pairs that lie near each other and near one plane, in turn for triangles of each size with all smaller ones."""
-    if len(a.bound) * len(b.bound) <= SAMPLE:
+    """Yield pairs near each other and near one plane: for each size of triangles, with all smaller ones."""
+    if len(a.bound) * len(b.bound) <= FIRST_PAIRS:
         i, j = np.divmod(np.arange(len(a.bound) * len(b.bound)), max(len(b.bound), 1))
         yield i, j
         return
@@ -90,9 +90,9 @@ def _candidates(a: Facets, b: Facets) -> Iterator[tuple[Rows, Rows]]:
 
 
 def _near(a: Facets, some_a: Mask, b: Facets, some_b: Mask, cell: float, pad: float) -> Iterator[tuple[Rows, Rows]]:
-    """Pairs of some rows of a and b that share a cell of a grid, and how far their planes are from its middle."""
+    """Yield pairs of some rows of a and b that share a grid cell and the distance of their plane from its centre."""
     rows = [np.flatnonzero(some_a), np.flatnonzero(some_b)]
-    for k, (mine, other) in enumerate(((a, b), (b, a))):  # what is left of the one bounds the other
+    for k, (mine, other) in enumerate(((a, b), (b, a))):  # the rest of one bounds the other
         if not (len(rows[0]) and len(rows[1])):
             return
         low, high = (other.low[:, rows[1 - k]].min(axis=1) - pad, other.high[:, rows[1 - k]].max(axis=1) + pad)
@@ -114,10 +114,10 @@ def _near(a: Facets, some_a: Mask, b: Facets, some_b: Mask, cell: float, pad: fl
 
 
 def _shares(count: Rows) -> Iterator[slice]:
-    """Slices of entries with so many pairs each: a sample of them first, then all, few at a time."""
+    """Yield slices of entries with so many pairs each: first a sample of them, then all, a few at a time."""
     total = int(count.sum())
-    if total > SAMPLE:
-        yield slice(None, None, -(-total // SAMPLE))
+    if total > FIRST_PAIRS:
+        yield slice(None, None, -(-total // FIRST_PAIRS))
     ends = np.searchsorted(np.cumsum(count), np.arange(AT_ONCE, total + AT_ONCE, AT_ONCE), "right").tolist()
     for begin, end in zip([0, *ends], [*ends, len(count)], strict=False):
         if begin < end:
@@ -125,9 +125,9 @@ def _shares(count: Rows) -> Iterator[slice]:
 
 
 def _entries(facets: Facets, cell: float, pad: float) -> tuple[Rows, Keys]:
-    """Keys of the triangles: the cells of a grid that they meet, and how far their plane is from the cell's middle."""
+    """Return keys of the triangles: the grid cells that they meet, and the distance of their plane from the centre."""
     width = 2.0 ** np.ceil(np.log2(80 * pad + 1e-12 * cell))
-    # planes that differ by pad at a triangle differ by this at the middle; thin ones are cut off
+    # planes that differ by pad at a triangle differ by this at the centre of the cell; limited for thin triangles
     tolerance = np.minimum(2 * pad * (1 + 2 * cell / facets.height) + 1e-13, width / 2)
     first, last = np.floor((facets.low - pad) / cell), np.floor((facets.high + pad) / cell)
     rows, keys = [], []
@@ -148,13 +148,13 @@ def _entries(facets: Facets, cell: float, pad: float) -> tuple[Rows, Keys]:
 
 
 def _mix(key: NDArray[np.uint64], number: Reals) -> NDArray[np.uint64]:
-    """Hash one more number into keys; pairs that collide are sorted out by the tests."""
+    """Hash one more number into keys; the tests reject pairs that collide."""
     key = (key ^ number.astype(np.int64).view(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
     return key ^ (key >> np.uint64(29))
 
 
 def overlapping(a: Facets, b: Facets, i: Rows, j: Rows, margin: float) -> tuple[Rows, Rows]:
-    """The pairs of rows that coincide over an area."""
+    """Return the pairs of rows that coincide over an area."""
     bound = a.bound[i] + b.bound[j]
     keep = np.ones(len(i), np.bool_)
     for axis in range(3):
@@ -168,14 +168,14 @@ def overlapping(a: Facets, b: Facets, i: Rows, j: Rows, margin: float) -> tuple[
 
 
 def _distance(a: Facets, b: Facets, i: Rows, j: Rows) -> Reals:
-    """Largest distance of the corners of triangles i of a from the planes of triangles j of b."""
+    """Return the largest distance of the corners of triangles i of a from the planes of triangles j of b."""
     normal, origin = b.normal[:, j], b.corners[0][:, j]
     away = [np.abs((normal * (a.corners[k][:, i] - origin)).sum(axis=0)) for k in range(3)]
     return np.asarray(np.maximum.reduce(away))
 
 
 def _overlap(a: Facets, b: Facets, i: Rows, j: Rows) -> Reals:
-    """How deep triangles of one plane overlap, across the side where it is least; below 0: they do not."""
+    """Return how deep triangles of one plane overlap, across the side where it is least; below 0: not at all."""
     normal = a.normal[:, i]
     one, two = a.corners[:, :, i], b.corners[:, :, j]
     depth = np.full(len(i), np.inf)

@@ -1,4 +1,4 @@
-"""Mesh files before they are read: which a scene may read, which there are, and of which format."""
+"""Checks of mesh files before they are read: whether a scene may read them, whether they exist, and their format."""
 
 import os
 import re
@@ -11,22 +11,22 @@ from raytrace.files import check_regular
 from raytrace.limits import MAX_MESH
 from raytrace.scene.problems import no_such_file
 
-FORMATS = ".obj", ".ply", ".stl", ".glb", ".gltf"  # by readers of our own
-OTHERS = ".off", ".3mf", ".dae", ".zae", ".xaml", ".3dxml", ".ctm", ".stp", ".step"  # by trimesh's
+FORMATS = ".obj", ".ply", ".stl", ".glb", ".gltf"  # read by our own readers
+OTHERS = ".off", ".3mf", ".dae", ".zae", ".xaml", ".3dxml", ".ctm", ".stp", ".step"  # read by trimesh
 URI = re.compile(r"(?i)(file|data):|[a-z][a-z0-9+.-]+:/")  # a scheme of one letter is a drive   [RFC3986, 3.1]
 ALLOW = "move it there, or allow a folder: --root DIR, in Python load(..., root=DIR)"
 
 
 class Reach(NamedTuple):
-    """Where the files of a scene may lie, and what they may take: below its own folder, or one that the user allows."""
+    """The folders whose files a scene may read (its own, and one that the user allows), and its memory limit."""
 
-    folder: Path  # of the scene file; of a dict the current one
+    folder: Path  # of the scene file; for a dict the current folder
     root: Path | None = None
-    trusted: frozenset[str] = frozenset()  # what a program gave as a ``pathlib.Path``, which no file can hold
-    max_memory: int | None = None  # bytes that the process may take in all; None: what is free
+    trusted: frozenset[str] = frozenset()  # given as ``pathlib.Path`` by a program; a scene file cannot contain one
+    max_memory: int | None = None  # bytes that the process may use in total; None: the free memory
 
     def find(self, mesh: str) -> Path:
-        """Path of a mesh file; nothing outside is touched, not even to see whether it is there.
+        """Return the path of a mesh file; nothing outside the folders is accessed, not even to check that it exists.
 
         Raises
         ------
@@ -34,12 +34,12 @@ class Reach(NamedTuple):
             The scene may not read it.
         """
         path = self.folder / mesh
-        if mesh in self.trusted or "\0" in mesh:  # no file has a name with a zero byte: it is not found
+        if mesh in self.trusted or "\0" in mesh:  # no file has a name with a zero byte: it is reported as missing
             return path
         return self._checked(path, mesh)
 
     def around(self, mesh: str) -> "Reach":
-        """Where files may lie that a mesh file names: for one that a program gave as a path, below its own folder too.
+        """Return the folders for files that a mesh file names; a mesh given as a path adds its own folder.
 
         Parameters
         ----------
@@ -49,14 +49,14 @@ class Reach(NamedTuple):
         return self._replace(folder=(self.folder / mesh).parent) if mesh in self.trusted else self
 
     def beside(self, mesh: Path, name: str) -> Path:
-        """Path of a file that a mesh file names, relative to itself; the rules are those of ``find``."""
+        """Return the path of a file that a mesh file names relative to itself; the rules are those of ``find``."""
         return self._checked(mesh.parent / name, name)
 
     def _checked(self, path: Path, mesh: str) -> Path:
         name = shortened(mesh, 200)
         if URI.match(mesh):
-            raise SceneError([f"{name}: a URI; name a file: nothing is fetched"])
-        # names with a drive or a share are refused wherever they are read, not only where they lead somewhere
+            raise SceneError([f"{name}: a URI; name a file: nothing is downloaded"])
+        # names with a drive or a share are refused on every system, not only where they lead somewhere
         if PureWindowsPath(mesh).drive or not self._holds(os.path.abspath(path)):
             raise SceneError([f"{name}: outside the scene's folder; {ALLOW}"])
         if not self._holds(real := os.path.realpath(path)):
@@ -76,19 +76,19 @@ class Reach(NamedTuple):
 
 
 def check_root(root: str | os.PathLike[str] | None) -> Path | None:
-    """Check that a folder that the user allows, if any, is one."""
+    """Return the folder that the user allows, if any; refuse one that does not exist."""
     if root is not None and not os.path.isdir(root):
         raise FileError(f"root: {printable(root)}: no such folder")
     return None if root is None else Path(root)
 
 
 def format_of(path: Path) -> str:
-    """Return the suffix that tells the format, without ``.gz``."""
+    """Return the suffix that names the format, without ``.gz``."""
     return Path(path.stem if path.suffix.lower() == ".gz" else path.name).suffix.lower()
 
 
 def locate(path: Path) -> None:
-    """Check that a path can be a mesh file, without reading it.
+    """Check that a path leads to a mesh file of a known format and size, without reading it.
 
     Raises
     ------
@@ -107,6 +107,6 @@ def locate(path: Path) -> None:
         raise FileError(f"{path}: can't be read: {error.strerror or error}") from None
     if format_of(path) not in FORMATS + OTHERS:
         known = ", ".join(FORMATS + OTHERS)
-        raise SceneError([f"{path}: no mesh format that can be read (known: {known}, plain or with .gz)"])
+        raise SceneError([f"{path}: not a known mesh format (known: {known}, plain or with .gz)"])
     if path.stat().st_size > MAX_MESH:
         raise FileError(f"{path}: more than {MAX_MESH} bytes; split it or simplify it")

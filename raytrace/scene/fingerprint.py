@@ -1,4 +1,4 @@
-"""The hash of a scene: of what the light does in it, not of names, of how it is sampled, or of where it came from."""
+"""The hash of a scene: of everything that affects the light in it, not of names, sampling options or file paths."""
 
 import hashlib
 from typing import TYPE_CHECKING
@@ -12,7 +12,7 @@ LEFT_OUT = "Materials.name", "Mesh.object_id"
 
 
 def fingerprint(scene: "Scene") -> str:
-    """SHA-256 of camera, depth, background, materials, lights and meshes, in hexadecimal digits."""
+    """Return the SHA-256 of camera, depth, background, materials, lights and meshes, in hexadecimal digits."""
     camera, digest = scene.camera, hashlib.sha256()
     content = {"fov": camera.fov, "max_depth": scene.settings.max_depth, "background": scene.background}
     content |= {"position": camera.position, "look_at": camera.look_at, "up": camera.up}

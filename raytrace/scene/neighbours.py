@@ -1,4 +1,4 @@
-"""Objects of a mesh whose boxes meet, and those of their triangles that can be near each other."""
+"""Finds objects of a mesh whose boxes meet, and their triangles that can be near each other."""
 
 import math
 
@@ -43,14 +43,14 @@ class Objects:
         self.largest = np.maximum(np.abs(self.low), np.abs(self.high)).max(axis=1)
 
     def near(self, one: int, error: float) -> Rows:
-        """Other objects whose boxes meet the box of an object, but for a relative error of each."""
+        """Return the other objects whose boxes meet that of an object, within a relative error of each."""
         pad = error * np.maximum(self.largest, self.largest[one])[:, None]
         meets = ((self.high >= self.low[one] - pad) & (self.low <= self.high[one] + pad)).all(axis=1)
         meets[one] = False
         return np.flatnonzero(meets)
 
     def clipped(self, one: int, two: int, error: float) -> tuple[Rows, Rows]:
-        """Rows of the faces of two objects that meet the part of space that both reach, but for a relative error."""
+        """Return the faces of two objects that meet the intersection of their boxes, within a relative error."""
         pad = error * max(self.largest[one], self.largest[two])
         b, low, high = self._within(two, self.low[one] - pad, self.high[one] + pad)
         a, low, high = self._within(one, low - pad, high + pad)
@@ -58,7 +58,7 @@ class Objects:
         return a, b
 
     def _within(self, one: int, low: Reals, high: Reals) -> tuple[Rows, Reals, Reals]:
-        """Rows of the faces of an object that meet a box, and the part of the box that they reach."""
+        """Return the faces of an object that meet a box, and the part of the box that they reach."""
         rows = np.arange(self.first[one], self.end[one])
         if (self.low[one] >= low).all() and (self.high[one] <= high).all():
             return rows, self.low[one], self.high[one]
@@ -71,16 +71,16 @@ class Objects:
         return rows[kept], low, high
 
     def corners(self, rows: Rows) -> Reals:
-        """Corners of triangles, (3 corners, 3 axes, m)."""
+        """Return the corners of triangles, (3 corners, 3 axes, m)."""
         places = [np.ascontiguousarray(self.mesh.vertices[self.mesh.faces[rows, k]].T) for k in range(3)]
         return np.stack(places) / self.scale
 
     def doubled(self, one: int) -> tuple[Rows, Rows]:
-        """Pairs of triangles of one object whose corners are the same: two sheets."""
+        """Return pairs of triangles of one object that have the same corners: two layers."""
         rows = np.arange(self.first[one], self.end[one])
         faces = self.mesh.faces[rows]
         lowest = int(faces.min())
-        points = self.mesh.vertices[lowest : int(faces.max()) + 1] + 0.0  # -0 and 0 are one place
+        points = self.mesh.vertices[lowest : int(faces.max()) + 1] + 0.0  # -0 and 0 are one position
         bits = points.view(np.uint64)
         number = np.zeros(len(points), np.uint64)
         for axis in range(3):

@@ -1,4 +1,4 @@
-"""What a scene needs: which passes run, on what data, in which precision, and what is left out and why."""
+"""The plan of a scene: which passes run, on what data, in which precision; and what is left out, and why."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,13 +13,13 @@ from raytrace.scene.precision import Precision, choose_precision
 
 @dataclass(frozen=True)
 class Plan:
-    """What ``rt.explain`` returns; ``print`` it.
+    """The result of ``rt.explain``; ``print`` it.
 
     Attributes
     ----------
     precision : Precision
     refraction, smooth, transparent : bool
-        Whether there are refractive surfaces, interpolated normals, and surfaces that shadow rays pass.
+        Whether there are refractive surfaces, interpolated normals, and surfaces that let shadow rays pass.
     lights : int
     passes : tuple of (str, str)
         Name and cost driver of each pass that runs, in order.
@@ -59,7 +59,7 @@ def _table(title: str, rows: tuple[tuple[str, str], ...]) -> list[str]:
 
 
 def make_plan(scene: Scene) -> Plan:
-    """Derive the plan of a scene from what it holds.
+    """Return the plan of a scene.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def make_plan(scene: Scene) -> Plan:
     Raises
     ------
     SceneError
-        No precision can hold the scene.
+        No precision can represent the scene.
     """
     used = np.flatnonzero(np.bincount(scene.mesh.material_id))  # np.unique would import numpy.ma, in 10 ms
     refractive = used[scene.materials.kind[used] == REFRACTIVE]
@@ -100,17 +100,17 @@ def _count(number: int, noun: str) -> str:
 
 def _passes(scene: Scene, refraction: bool, smooth: bool, transparent: bool) -> tuple[tuple[str, str], ...]:
     depth, lights = scene.settings.max_depth, len(scene.lights.flux)
-    rows = [("camera", "a ray a sample"), ("closest hit", "a query a ray")]
+    rows = [("camera", "one ray per sample"), ("closest hit", "one query per ray")]
     if refraction:
-        rows.append(("refraction", f"a query more for each interface met, up to depth {depth}; done rays drop out"))
+        rows.append(("refraction", f"one more query per interface hit, up to depth {depth}; finished rays drop out"))
     if lights:
-        normals = "interpolated normals" if smooth else "one normal a triangle"
-        rows.append(("surface", f"points and {normals} where rays landed"))
-        each = "a ray a sample" if lights == 1 else f"{lights} rays a sample, a light at a time"
+        normals = "interpolated normals" if smooth else "one normal per triangle"
+        rows.append(("surface", f"points and {normals} at the hits"))
+        each = "one ray per sample" if lights == 1 else f"{lights} rays per sample, one light at a time"
         tree = "a tree without transparent surfaces" if transparent else "the same tree"
         rows.append(("shadow", f"{each}, through {tree}, or one without the triangles that the light lies on"))
-        rows.append(("light", "albedo / pi times what arrives"))
-    rows.append(("film", "twelve sums a pixel: three channels in four bins"))
+        rows.append(("light", "albedo / pi times the irradiance"))
+    rows.append(("film", "twelve sums per pixel: three channels in four batches"))
     return tuple(rows)
 
 
@@ -127,7 +127,7 @@ def _left_out(refraction: bool, smooth: bool, transparent: bool, lights: int) ->
 
 
 def explain(scene: Scene | str | Path | dict[str, Any]) -> Plan:
-    """Tell what a scene needs, what is left out, and why.
+    """Return what rendering a scene needs, what is left out, and why.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def explain(scene: Scene | str | Path | dict[str, Any]) -> Plan:
     Raises
     ------
     SceneError, FileError
-        As ``load`` does; and SceneError for a scene that no precision can hold.
+        As ``load`` does; and SceneError for a scene that no precision can represent.
 
     Examples
     --------

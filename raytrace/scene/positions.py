@@ -1,4 +1,4 @@
-"""Where things stand in a JSON text: the line and column of a path. Run only after a problem was found.
+"""Finds the line and column of a path in a JSON text. Used only after a problem was found.
 
 Each function takes time and memory linear in the size of the text.
 """
@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 Path = tuple[str | int, ...]  # ("objects", 1, "mesh"): keys and indices from the root
-Origins = dict[Path, Path]  # of parts that were translated -> where they stand in the text
+Origins = dict[Path, Path]  # path of a translated part -> its path in the text
 
 STRING = r'"[^"\\]*(?:\\.[^"\\]*)*"'
 SPACE = re.compile(r"[ \t\r\n]*")
-# a blank is a token: as an optional beginning of others, a long run without one after it would be tried from each place
+# blanks are a token of their own: as an optional prefix, a long run of them would be tried from each position
 TOKEN = re.compile(rf'[ \t\r\n]+|(?P<string>{STRING})|(?P<mark>[{{}}\[\],:])|(?P<word>[^ \t\r\n"{{}}\[\],:]+)')
 BRACKET = re.compile(rf"{STRING}|(?P<open>[{{\[])|(?P<close>[}}\]])")
 LONGEST_STEP = 200  # characters of a key that are shown
@@ -30,13 +30,13 @@ class Positions:
     keys: dict[Path, int] = field(default_factory=dict)  # path -> offset of its key, the last one if repeated
 
     def value(self, path: Path) -> int:
-        """Return the offset of the value at a path, or of the nearest container that is there."""
+        """Return the offset of the value at a path, or of the nearest container that exists."""
         while path and path not in self.values:
             path = path[:-1]
         return self.values.get(path, 0)
 
     def key(self, path: Path) -> int:
-        """Return the offset of the key that a path ends in, or where there is none, of its value."""
+        """Return the offset of the key at the end of a path, or of its value where there is no key."""
         return self.keys.get(path, self.value(path))
 
     def line_column(self, offset: int) -> tuple[int, int]:
@@ -45,14 +45,14 @@ class Positions:
 
 
 def find(text: str, paths: Iterable[Path]) -> Positions:
-    r"""Find where parts of a JSON text stand, and the containers that they lie in.
+    r"""Return the positions of parts of a JSON text, and of the containers around them.
 
     Parameters
     ----------
     text : str
         JSON that ``json.loads`` accepts.
     paths : iterable of tuple
-        Parts to find; those that are not there are left out.
+        Parts to find; those that do not exist are left out.
 
     Returns
     -------
@@ -75,7 +75,7 @@ def find(text: str, paths: Iterable[Path]) -> Positions:
 
 
 class _Finder:
-    """Walks to the wanted parts of a text; the json module, which is quick, skips the others."""
+    """Walks to the requested parts of a text; the json module, which is fast, skips the others."""
 
     def __init__(self, text: str) -> None:
         self.found = Positions(text)
@@ -86,10 +86,10 @@ class _Finder:
 
     def after_space(self, offset: int) -> int:
         """Skip white space."""
-        return SPACE.match(self._text, offset).end()  # type: ignore[union-attr]  # it matches nothing, too
+        return SPACE.match(self._text, offset).end()  # type: ignore[union-attr]  # it also matches an empty string
 
     def walk(self, offset: int, path: Path, wanted: dict[str | int, Any]) -> int:
-        """Note where a value and its wanted parts stand; the offset after it."""
+        """Record the offsets of a value and of its requested parts; return the offset after it."""
         self.found.values[path] = offset
         kind = self._text[offset]
         if not wanted or kind not in "{[":
@@ -116,7 +116,7 @@ class _Finder:
 
 
 def doubtful(text: str) -> Iterator[tuple[int, Path, str]]:
-    """Find keys that stood before in their object, and numbers that are NaN or no finite float64.
+    """Yield repeated keys of objects, and numbers that are NaN or not finite in float64.
 
     Parameters
     ----------
@@ -135,8 +135,8 @@ def doubtful(text: str) -> Iterator[tuple[int, Path, str]]:
     >>> list(doubtful('{"a": NaN, "a": 1}'))
     [(6, ('a',), 'NaN'), (11, ('a',), '')]
     """
-    steps: list[str | int] = []  # one a container that is open: the key or index that it has come to
-    seen: list[set[str]] = []  # and its keys
+    steps: list[str | int] = []  # for each open container its current key or index
+    seen: list[set[str]] = []  # and its keys so far
     at_key = False
     for token in TOKEN.finditer(text):
         kind = token.lastgroup
@@ -194,7 +194,7 @@ def too_deep(text: str, most: int) -> int:
 
 
 def show(path: Path) -> str:
-    """Write a path the way people do.
+    """Return a path as Python writes it.
 
     Examples
     --------

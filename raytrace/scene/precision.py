@@ -1,4 +1,4 @@
-"""Which precision can hold a scene: bounds on what rounding does to it, and what is nearer together than they tell."""
+"""Chooses the precision of a scene, by bounds on the rounding errors of positions."""
 
 from typing import NamedTuple
 
@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from raytrace.errors import SceneError
 from raytrace.records import Mesh, Scene
 
-GAMMA = 27  # roundings, of the largest coordinate, by which a point may be off: 3 + 12 x 2 of passes/surface.py
-TOLERANCE = 0.01  # of the smallest feature: the largest error of position that float32 may make
+GAMMA = 27  # roundings of the largest coordinate that bound the error of a point: 3 + 12 x 2 of passes/surface.py
+TOLERANCE = 0.01  # of the smallest feature: the largest error of position allowed in float32
 FLOAT32_RANGE = 1e-12, 1e12  # world units: areas, and the rounding errors of areas, stay normal numbers
-FLOAT64_RANGE = 1e-75, 1e75  # world units: squares of areas do, which the choice of precision takes
-FLOAT32_LEVELS = 1e-30, 1e30  # fluxes, radiances and indices that leave room for what is computed from them
+FLOAT64_RANGE = 1e-75, 1e75  # world units: so do squares of areas, which the choice of precision computes
+FLOAT32_LEVELS = 1e-30, 1e30  # fluxes, radiances and indices: results computed from them stay in range
 
 Axes = NDArray[np.float64]  # (3, m): all x, all y, all z
 
@@ -24,7 +24,7 @@ class Precision(NamedTuple):
     why: str
     largest: float  # world units: largest coordinate of meshes and camera
     feature: float  # world units: smallest height of a triangle that has an area
-    error: float  # world units: bound on the error of a point's place in float32
+    error: float  # world units: bound on the error of a point's position in float32
 
 
 def gamma(precision: str) -> float:
@@ -40,10 +40,10 @@ def gamma(precision: str) -> float:
 
 
 def choose_precision(scene: Scene) -> Precision:
-    """Apply the scene's wish; ``auto`` takes float32 where its error stays small against the smallest feature.
+    """Return the precision that the scene states; ``auto`` chooses float32 where its error is small enough.
 
-    A point's place is off by at most gamma(27) times the largest coordinate. float32 serves where that is below 1 % of
-    the smallest feature.
+    The error of a position is at most gamma(27) times the largest coordinate. float32 is chosen where that is below 1 %
+    of the smallest feature.
 
     Parameters
     ----------
@@ -56,12 +56,12 @@ def choose_precision(scene: Scene) -> Precision:
     Raises
     ------
     SceneError
-        Not even float64 can hold the scene: an object is too small for the place where it lies.
+        Not even float64 can represent the scene: an object is too small for its distance from the origin.
     """
     _check_sizes(scene)
     largest = _largest(scene.mesh.vertices, scene.camera.position)
     feature, asked = smallest_height(scene.mesh), scene.settings.precision
-    name, why = _choose(scene, largest, feature) if asked == "auto" else (asked, "asked for by the scene")
+    name, why = _choose(scene, largest, feature) if asked == "auto" else (asked, "set by the scene")
     error = gamma(name) * largest
     if error > TOLERANCE * feature:
         why += f"; features below {error / TOLERANCE:.2g} are not safe in {name}"
@@ -69,7 +69,7 @@ def choose_precision(scene: Scene) -> Precision:
 
 
 def _choose(scene: Scene, largest: float, feature: float) -> tuple[str, str]:
-    """Name of the precision that serves, and why."""
+    """Return the name of the precision that suffices, and why."""
     low, high = FLOAT32_RANGE
     if feature < low or max(largest, _largest(scene.lights.position)) > high:
         return "float64", f"sizes leave {low:g} .. {high:g}"
@@ -90,7 +90,7 @@ def _largest(*places: NDArray[np.float64]) -> float:
 
 
 def smallest_height(mesh: Mesh) -> float:
-    """Smallest height of the triangles that have an area: twice the area divided by the longest side; inf for none."""
+    """Return the smallest height of the triangles with an area: 2 area / longest side; inf if there are none."""
     a, b, c = _corners(mesh)
     first, second, third = b - a, c - b, a - c
     longest = np.sqrt(np.maximum.reduce([_dot(side, side) for side in (first, second, third)]))
@@ -100,7 +100,7 @@ def smallest_height(mesh: Mesh) -> float:
 
 
 def _corners(mesh: Mesh) -> Axes:
-    """Corners of the triangles, (3 corners, 3 axes, m)."""
+    """Return the corners of the triangles, (3 corners, 3 axes, m)."""
     columns = np.ascontiguousarray(mesh.vertices.T)
     return np.stack([columns[:, mesh.faces[:, k]] for k in range(3)])
 
@@ -110,7 +110,7 @@ def _dot(a: Axes, b: Axes) -> Axes:
 
 
 def _check_sizes(scene: Scene) -> None:
-    """Refuse what leaves the range of float64, and objects smaller than a hundred of its errors where they lie."""
+    """Refuse coordinates outside the range of float64, and objects smaller than 100 of its rounding errors there."""
     where, mesh = scene.source or "scene", scene.mesh
     low, high = FLOAT64_RANGE
     camera = _largest(scene.camera.position)
@@ -125,10 +125,10 @@ def _check_sizes(scene: Scene) -> None:
     highest = np.maximum.reduceat(np.maximum.reduce(corners), first, axis=1)
     sizes, far = (highest - lowest).max(axis=0), np.maximum(-lowest, highest).max(axis=0)
     for i, size, reach in zip(mesh.object_id[first], sizes.tolist(), np.maximum(far, camera).tolist(), strict=True):
-        what = f"{where}: objects[{i}]: {scene.objects[i]} is {size:.3g} large"
+        what = f"{where}: objects[{i}]: {scene.objects[i]} has size {size:.3g}"
         error = gamma("float64") * reach
         if 0.0 < size < low:
-            problems.append(f"{what}; no precision holds less than {low:g}, use a larger scale")
+            problems.append(f"{what}; no precision can represent less than {low:g}; use a larger scale")
         elif size > 0.0 and error > TOLERANCE * size:
             problems.append(
                 f"{what}, but with coordinates, of it or of the camera, up to {reach:.3g} even float64 places points "

@@ -1,4 +1,4 @@
-"""One problem of a scene, and the words that problems have in common: what is wrong, and the fix."""
+"""One problem of a scene, and the wording that problems share: what is wrong, and the fix."""
 
 import difflib
 import json
@@ -11,33 +11,33 @@ from typing import Any, NamedTuple
 from raytrace.errors import FileError, FileMemoryError, SceneError, printable, shortened
 from raytrace.scene.positions import Path
 
-MOST = 100  # problems that are told of one scene
-MAX_PATH = 300  # characters of a path that are told
-ESCAPED = "\b\t\n\f\r"  # what a backslash and a letter become
-SEARCHED = 1000  # names that are compared with a misspelt one
-HINTED = 10  # misspelt names that are compared with as many as that
+MAX_PROBLEMS = 100  # problems that are reported per scene
+MAX_PATH = 300  # characters of a path that are shown
+ESCAPED = "\b\t\n\f\r"  # results of a backslash and a letter
+SEARCHED = 1000  # known names that are compared with a misspelt one
+HINTED = 10  # misspelt names that get a suggestion
 LISTED = 20  # names that a message lists
 LONGEST = 100  # characters of a name that are compared or listed
 
 
 class Problem(NamedTuple):
-    """One thing that is wrong, not yet placed in its file."""
+    """One problem, without its line and column."""
 
-    path: Path  # of the value that is wrong, or of the container that lacks something
+    path: Path  # of the wrong value, or of the container with a missing key
     text: str  # what is wrong, and the fix
-    at_key: bool = False  # whether the key is wrong, and not its value
-    unreadable: bool = False  # whether a file can't be read, where the scene itself may be right
-    lacks_memory: bool = False  # whether that is for lack of memory
+    at_key: bool = False  # whether the key is wrong, not its value
+    unreadable: bool = False  # whether a file can't be read; the scene itself may be valid
+    lacks_memory: bool = False  # whether the cause is a lack of memory
 
 
-def mesh_problem(index: int, error: SceneError | FileError) -> Problem:
-    """What is wrong with the mesh file of an object."""
+def shape_problem(index: int, key: str, error: SceneError | FileError) -> Problem:
+    """Return what is wrong with the shape of an object; key: mesh, sphere, rectangle or box."""
     memory = isinstance(error, FileMemoryError)
-    return Problem(("objects", index, "mesh"), str(error), unreadable=isinstance(error, FileError), lacks_memory=memory)
+    return Problem(("objects", index, key), str(error), unreadable=isinstance(error, FileError), lacks_memory=memory)
 
 
 def quote(value: Any) -> str:
-    """Write a JSON value in a few words.
+    """Return a short description of a JSON value.
 
     Examples
     --------
@@ -54,7 +54,7 @@ def quote(value: Any) -> str:
 
 
 def nearest(word: Any, known: Iterable[str]) -> str | None:
-    """Return the known name that is spelt most like a word, or None where none is near.
+    """Return the known name with the most similar spelling, or None if none is similar.
 
     Of many names the first `SEARCHED` are compared, and of long ones the beginning.
 
@@ -74,7 +74,7 @@ def _hint(word: Any, known: Iterable[str]) -> str:
 
 
 def listed(known: Collection[str]) -> str:
-    """Write names with commas, the first `LISTED` where there are many.
+    """Return names joined by commas, at most the first `LISTED`.
 
     Examples
     --------
@@ -87,7 +87,7 @@ def listed(known: Collection[str]) -> str:
 
 
 def unknown_name(kind: str, word: Any, known: Collection[str], hint: bool = True) -> str:
-    """Word a name that is none of those known; with a suggestion, unless there were many already.
+    """Return the message for an unknown name, with a suggestion if ``hint`` is true.
 
     Examples
     --------
@@ -99,7 +99,7 @@ def unknown_name(kind: str, word: Any, known: Collection[str], hint: bool = True
 
 
 def unknown_key(key: str, known: Collection[str]) -> str:
-    """Word a key that the format does not have.
+    """Return the message for an unknown key.
 
     Examples
     --------
@@ -108,18 +108,11 @@ def unknown_key(key: str, known: Collection[str]) -> str:
     >>> unknown_key("colour", ["type", "albedo"])
     'unknown key "colour" (known: type, albedo)'
     """
-    return f"unknown key {quote(key)}" + (_hint(key, known) or f" (known: {listed(known)})")
-
-
-def at(data: Any, path: Path) -> Any:
-    """Return what stands at a path that exists."""
-    for step in path:
-        data = data[step]
-    return data
+    return f"unknown key {quote(key)}" + (_hint(key, known) or f" (known: {listed(known) or 'none'})")
 
 
 def no_such_file(path: FilePath) -> str:
-    """Word a file that is not there, with its name in another case, or the name nearest to it in the same folder."""
+    """Return the message for a missing file, with its name in another case or the most similar name in its folder."""
     name = str(path)
     name = name if len(name) <= MAX_PATH else f"{name[:100]}...{name[100 - MAX_PATH :]}"
     if alike := _other_case(path):
@@ -127,14 +120,16 @@ def no_such_file(path: FilePath) -> str:
     if "\\" in name and (other := FilePath(str(path).replace("\\", "/"))).exists():
         return printable(f'{name}: no such file; did you mean "{other}"?')
     if any(code in name for code in ESCAPED):
-        return printable(f'{name}: no such file; write "/" between folders: "\\t" and the like are no letters in JSON')
+        return printable(
+            f'{name}: no such file; write "/" between folders: "\\t" and the like are control characters in JSON'
+        )
     if not path.parent.is_dir():
         return printable(f"{name}: no such file; there is no folder {name.removesuffix(path.name).rstrip(os.sep)}")
     return printable(f"{name}: no such file{_hint(path.name, _names(path.parent))}")
 
 
 def _other_case(path: FilePath) -> str:
-    """End of a path that differs in case only, or in how accents are encoded; "" where there is none."""
+    """Return the end of an existing path that differs only in case or in the encoding of accents; "" if none does."""
     missing = list[str]()
     while not path.exists():
         missing.append(path.name)
@@ -146,7 +141,7 @@ def _other_case(path: FilePath) -> str:
         for name in reversed(missing):
             entries = path.joinpath(*found).iterdir()
             found.append(min(entry.name for entry in entries if _folded(entry.name) == _folded(name)))
-    except (OSError, ValueError):  # no folder, or nothing alike in it
+    except (OSError, ValueError):  # no folder, or nothing similar in it
         return ""
     return os.sep.join(found)
 

@@ -1,4 +1,4 @@
-"""The text of a scene: read, parsed strictly, and able to say where in it a problem lies."""
+"""The text of a scene: reads it, parses it strictly, and finds the line and column of problems."""
 
 import json
 import math
@@ -13,15 +13,16 @@ from raytrace.files import open_regular
 from raytrace.limits import MAX_SCENE
 from raytrace.misnamed import ENCODED, is_utf16, mistaken
 from raytrace.scene import positions
+from raytrace.scene.comments import without_comments
 from raytrace.scene.meshes.given import take_meshes
-from raytrace.scene.problems import MOST, Problem, no_such_file, quote
+from raytrace.scene.problems import MAX_PROBLEMS, Problem, no_such_file, quote
 
-MAX_NESTING = 100  # the format itself needs 4
+MAX_NESTING = 100  # the format itself needs 5
 TOO_DEEP = f"nested more than {MAX_NESTING} deep; no part of a scene is"
-MAX_TEXT = 500  # characters of what is told of a problem
-LFS = b"version https://git-lfs.github.com/spec/"  # how a pointer begins
-MAX_DIGITS = 300  # of whole numbers; the largest float64 has 309
-SYNTAX = {  # what the json module says -> what to do
+MAX_TEXT = 500  # characters of the message of a problem
+LFS = b"version https://git-lfs.github.com/spec/"  # the beginning of a pointer file
+MAX_DIGITS = 300  # of integers; the largest float64 has 309
+SYNTAX = {  # message of the json module -> our message
     "Expecting value": "expected a value; is there a comma too many?",
     "Expecting property name enclosed in double quotes": 'expected a key in double quotes; no comma before "}"',
     "Expecting ',' delimiter": "expected a comma or the closing bracket",
@@ -31,25 +32,25 @@ SYNTAX = {  # what the json module says -> what to do
     "Extra data": "expected nothing more after the scene's closing bracket",
     "Unterminated string starting at": "this string has no closing quote",
     "Invalid control character at": "a line break or control character in a string; write it as an escape",
-    "Invalid \\escape": "no escape that JSON knows; write a backslash as two",
+    "Invalid \\escape": "unknown escape; write a backslash as two",
     "Invalid \\uXXXX escape": "expected four hexadecimal digits after \\u",
 }
 
 
 class Text:
-    """A scene's JSON text.
+    """The JSON text of a scene.
 
     Parameters
     ----------
     name : str
-        What its problems are told under: the file as the user wrote it, or "scene".
+        Begins the lines of its problems: the file as the user wrote it, or "scene".
     text : str
     in_file : bool
-        Whether there is a file in which lines and columns mean something.
+        Whether the text is that of a file, so that lines and columns make sense.
     trusted : set of str
-        What a program gave as a path, and not as text.
+        Paths that a program gave as ``pathlib.Path``.
     meshes : dict
-        Name in the text -> what a program gave as a mesh, and not as a path.
+        Name in the text -> mesh that a program gave in memory.
     """
 
     def __init__(
@@ -66,14 +67,14 @@ class Text:
         self.trusted = frozenset(trusted)
         self.meshes = meshes or {}
 
-    def tell(self, problems: Iterable[Problem], origins: positions.Origins) -> list[str]:
-        """Return the problems with their places, a line each, in the order of the text.
+    def lines(self, problems: Iterable[Problem], origins: positions.Origins) -> list[str]:
+        """Return one line per problem, with its position, in the order of the text.
 
         Parameters
         ----------
         problems : iterable of Problem
         origins : dict
-            Path of a problem -> path in this text, for parts that were translated; the longest that fits counts.
+            Path of a problem -> path in this text, for translated parts; the longest match counts.
 
         Returns
         -------
@@ -93,19 +94,19 @@ class Text:
         return [line for _, line in sorted(placed, key=lambda pair: pair[0])]
 
     def warn(self, warnings: list[Problem], origins: positions.Origins) -> tuple[str, ...]:
-        """Return lines for the first `MOST` warnings, and one for the others."""
-        lines = self.tell(warnings[:MOST], origins) if warnings else []
-        if len(warnings) > MOST:
-            lines.append(f"{self.name}: and {len(warnings) - MOST:,} more warnings")
+        """Return lines for the first `MAX_PROBLEMS` warnings, and one for the others."""
+        lines = self.lines(warnings[:MAX_PROBLEMS], origins) if warnings else []
+        if len(warnings) > MAX_PROBLEMS:
+            lines.append(f"{self.name}: and {len(warnings) - MAX_PROBLEMS:,} more warnings")
         return tuple(lines)
 
     def error(self, problems: list[Problem], origins: positions.Origins) -> SceneError | FileError:
-        """Make one error of all problems: one of files where nothing else is wrong."""
-        deep = positions.too_deep(self.text, MAX_NESTING)  # the parser took it, but what finds the problems may not
+        """Return one error for all problems: a ``FileError`` if only files can't be read."""
+        deep = positions.too_deep(self.text, MAX_NESTING)  # the parser accepts it, but the search for problems may not
         if deep >= 0:
             return SceneError([self._line(positions.Positions(self.text), deep, (), TOO_DEEP)])
-        lines = self.tell(problems[:MOST], origins)
-        if len(problems) > MOST:
+        lines = self.lines(problems[:MAX_PROBLEMS], origins)
+        if len(problems) > MAX_PROBLEMS:
             lines.append(self._more())
         if all(problem.lacks_memory for problem in problems):
             return FileMemoryError("\n".join(lines))
@@ -114,14 +115,15 @@ class Text:
         return SceneError(lines)
 
     def _more(self) -> str:
-        return f"{self.name}: and more: these are the first {MOST}"
+        return f"{self.name}: and more: these are the first {MAX_PROBLEMS}"
 
     def _line(self, where: positions.Positions, offset: int, path: positions.Path, text: str) -> str:
         place = ":".join(map(str, (self.name, *where.line_column(offset)))) if self.in_file else self.name
         parts = place, shortened(positions.show(path), 200), shortened(text, MAX_TEXT)
         return printable(": ".join(part for part in parts if part))
 
-    def _refuse(self, offset: int, text: str) -> NoReturn:
+    def refuse(self, offset: int, text: str) -> NoReturn:
+        """Raise the error of one problem at an offset."""
         raise SceneError([self._line(positions.Positions(self.text), offset, (), text)])
 
     def _refuse_half_characters(self) -> None:
@@ -132,16 +134,16 @@ class Text:
                 json.loads(token["string"]).encode()
             except UnicodeEncodeError:
                 text = "half of a character (a lone \\ud...) in this string; write the whole character"
-                self._refuse(token.start("string"), text)
+                self.refuse(token.start("string"), text)
 
     def _refuse_doubtful(self) -> NoReturn:
         where = positions.Positions(self.text)
         lines = []
-        for offset, path, word in islice(positions.doubtful(self.text), MOST + 1):
+        for offset, path, word in islice(positions.doubtful(self.text), MAX_PROBLEMS + 1):
             key = f"repeated key {quote(path[-1])}; keep one"
             text = f"expected a finite number, got {shortened(word)}" if word else key
             lines.append(self._line(where, offset, path, text))
-        raise SceneError([*lines[:MOST], self._more()] if len(lines) > MOST else lines)
+        raise SceneError([*lines[:MAX_PROBLEMS], self._more()] if len(lines) > MAX_PROBLEMS else lines)
 
     def parse(self) -> dict[str, Any]:
         """Return the scene as JSON types.
@@ -149,9 +151,9 @@ class Text:
         Raises
         ------
         SceneError
-            The text is no JSON, or holds repeated keys or numbers that are not finite, or is no object.
+            The text is not JSON or not an object, or has repeated keys or numbers that are not finite.
         """
-        doubtful = False  # what the parser can't place; the scan, run only then, can
+        doubtful = False  # found by the parser, which has no offset; a scan then finds it
 
         def join(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
             nonlocal doubtful
@@ -170,15 +172,15 @@ class Text:
                 self.text, object_pairs_hook=join, parse_float=number, parse_int=number, parse_constant=number
             )
         except json.JSONDecodeError as error:
-            self._refuse(error.pos, f"no JSON: {SYNTAX.get(error.msg, error.msg)}")
+            self.refuse(error.pos, f"no JSON: {SYNTAX.get(error.msg, error.msg)}")
         except RecursionError:
-            self._refuse(positions.too_deep(self.text, MAX_NESTING), TOO_DEEP)
+            self.refuse(positions.too_deep(self.text, MAX_NESTING), TOO_DEEP)
         if doubtful:
             self._refuse_doubtful()
         if "\\ud" in self.text.lower():
             self._refuse_half_characters()
         if not isinstance(data, dict):
-            self._refuse(0, f"expected an object, got {quote(data)}")
+            self.refuse(0, f"expected an object, got {quote(data)}")
         return data
 
 
@@ -188,7 +190,7 @@ def _decode(name: str, data: bytes) -> str:
     if text := mistaken(data):
         raise FileError(f"{name}: {text}")
     try:
-        return data.decode("utf-8-sig")  # some editors begin UTF-8 with a byte order mark
+        return data.decode("utf-8-sig")  # some editors write a byte order mark first
     except UnicodeDecodeError as error:
         good = data[: error.start].decode("utf-8-sig")
         line, column = positions.Positions(good).line_column(len(good))
@@ -197,12 +199,12 @@ def _decode(name: str, data: bytes) -> str:
 
 
 def read_file(path: Path) -> Text:
-    """Read a scene file.
+    """Return the text of a scene file; its comments are replaced by blanks.
 
     Raises
     ------
     SceneError
-        It is not UTF-8.
+        It is not UTF-8, or a comment has no end.
     FileError
         It is missing, no regular file, too large or can't be read.
     """
@@ -220,16 +222,20 @@ def read_file(path: Path) -> Text:
         raise FileError(f"{name}: more than {MAX_SCENE} bytes; a scene file only names its meshes")
     if data.startswith(LFS):
         raise FileError(f"{name}: a Git LFS pointer; fetch the file: git lfs pull")
-    return Text(name, _decode(name, data), in_file=True)
+    content = without_comments(_decode(name, data))
+    text = Text(name, content.text, in_file=True)
+    if content.unclosed >= 0:
+        text.refuse(content.unclosed, "this comment has no end; close it with */")
+    return text
 
 
 def from_dict(scene: dict[str, Any]) -> Text:
-    """Write a dict, which may hold tuples, NumPy arrays, paths and meshes, as the text of a scene.
+    """Return a dict as the text of a scene; it may contain tuples, NumPy arrays, paths and meshes.
 
     Raises
     ------
     SceneError
-        It holds what JSON can't.
+        It contains a value that JSON cannot express.
 
     Examples
     --------
@@ -244,7 +250,7 @@ def from_dict(scene: dict[str, Any]) -> Text:
         if isinstance(value, os.PathLike):
             trusted.add(str(os.fspath(value)))
             return os.fspath(value)
-        raise TypeError(f"a {type(value).__name__} has no form in JSON")
+        raise TypeError(f"a {type(value).__name__} cannot be written as JSON")
 
     try:
         scene, meshes = take_meshes(scene)

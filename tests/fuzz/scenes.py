@@ -63,7 +63,25 @@ RAW = [
     "{,}",
     "[1,]",
 ]
-RAW += ['"\\ud800"', '"\\x"', "/**/1", "undefined", '"\t"', "", "1 2", '{"a":1,"a":2}', "-", "1e", "true false"]
+RAW += [
+    '"\\ud800"',
+    '"\\x"',
+    "/**/1",
+    "/*",
+    "1 // a",
+    "//",
+    "undefined",
+    '"\t"',
+    "",
+    "1 2",
+    '{"a":1,"a":2}',
+    "-",
+    "1e",
+    "true false",
+]
+
+
+VECTOR = st.lists(st.floats(-10, 10), min_size=3, max_size=3)
 
 
 def numbers(schema: dict[str, Any]) -> st.SearchStrategy[float]:
@@ -100,8 +118,8 @@ def of(schema: dict[str, Any]) -> st.SearchStrategy[Any]:
             return st.none()
         case "string":
             return st.sampled_from(["", "a", "white", "ß"])
-        case "array" if "prefixItems" in schema:
-            return st.tuples(*map(of, schema["prefixItems"])).map(list)
+        case "array" if schema.get("minItems", 0) == schema.get("maxItems"):
+            return st.lists(of(schema["items"]), min_size=schema["minItems"], max_size=schema["minItems"])
         case "array":
             return st.lists(of(schema["items"]), min_size=schema.get("minItems", 0), max_size=3)
     if "properties" not in schema:
@@ -124,7 +142,20 @@ def texts(draw: st.DrawFn) -> str:
     scene = draw(of(SCHEMA))
     names = [*scene["materials"], "white"]
     for entry in scene["objects"]:
-        entry["mesh"] = draw(st.sampled_from([*MESHES, *MESHES, *MESHES, draw(st.sampled_from(STRANGE))]))
+        mesh = draw(st.sampled_from([*MESHES, *MESHES, *MESHES, draw(st.sampled_from(STRANGE))]))
+        ball = {"center": draw(VECTOR), "radius": draw(st.sampled_from([1, 0.1, 1e30]))}
+        ball["tolerance"] = draw(st.sampled_from([1, 0.1, 1e-3, 1e-8]))
+        shapes = {"mesh": mesh, "sphere": ball, "rectangle": {}, "box": {}}
+        shape = draw(st.sampled_from(["mesh", "mesh", "mesh", *shapes]))
+        for key in shapes:
+            entry.pop(key, None)
+        entry[shape] = shapes[shape]
+        if draw(st.booleans()):
+            entry.pop("matrix", None)
+        elif "matrix" in entry:
+            for key in ("scale", "rotate", "translate"):
+                entry.pop(key, None)
+            entry["matrix"][3:] = [[0, 0, 0, 1]]
         entry["material"] = draw(st.sampled_from(names))
     raw: list[str] = []
     for _ in range(draw(st.sampled_from([0, 0, 0, 1, 1, 2, 5]))):

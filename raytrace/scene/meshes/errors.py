@@ -1,4 +1,4 @@
-"""Why a mesh file is refused although its content may be right."""
+"""Errors of mesh files that are refused although their content may be valid."""
 
 
 class UnsupportedError(ValueError):
@@ -10,14 +10,14 @@ class TooLargeError(ValueError):
 
 
 class TooManyTrianglesError(TooLargeError):
-    """The file places more triangles than there may be.
+    """The file places more triangles than are allowed.
 
     Parameters
     ----------
     triangles : int
         How many it places.
     load : float
-        The same, with vertices that few triangles share counted in: what its memory depends on.
+        The same, with the vertices that few triangles share included: its memory depends on this.
     """
 
     def __init__(self, triangles: int, load: float) -> None:

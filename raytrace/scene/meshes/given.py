@@ -1,6 +1,6 @@
-"""Meshes that a program gives in a scene: any object with ``vertices`` and ``faces``, or a pair of arrays.
+"""Meshes in memory that a program gives in a scene: objects with ``vertices`` and ``faces``, or pairs of arrays.
 
-NumPy is imported when such a mesh is read: a scene that names files does without.
+NumPy is imported when such a mesh is read, since checking a scene that names files does not need it.
 """
 
 import os
@@ -17,7 +17,7 @@ MARK = "\0"  # begins the name of a given mesh; no file has such a name
 
 
 def is_mesh(value: Any) -> bool:
-    """Whether a value is meant as a mesh, right or wrong, and not as the path of one.
+    """Return whether a value is meant as a mesh, valid or not, and not as the path of one.
 
     Examples
     --------
@@ -28,19 +28,19 @@ def is_mesh(value: Any) -> bool:
 
 
 def take_meshes(scene: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Put names in the place of the meshes of a scene.
+    """Replace the meshes of a scene by names.
 
     Parameters
     ----------
     scene : dict
-        Is not changed.
+        It is not changed.
 
     Returns
     -------
     scene : dict
-        With names; itself, if all its meshes are paths.
+        With names; the same dict if all its meshes are paths.
     meshes : dict
-        Name -> mesh; an object that stands in it several times has one name.
+        Name -> mesh; an object that is used several times has one name.
     """
     names, meshes, objects = dict[int, str](), dict[str, Any](), list[Any]()
     entries = scene.get("objects")
@@ -55,7 +55,7 @@ def take_meshes(scene: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def read_given(mesh: Any) -> "RawMesh":
-    """Check a mesh, and take its triangles.
+    """Check a mesh, and return its triangles.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def read_given(mesh: Any) -> "RawMesh":
 
 
 def _array(name: str, value: Any, kinds: str) -> "NDArray[Any]":
-    """Rows of three numbers; kinds: f float, i and u integers."""
+    """Return an (n, 3) array; kinds: the allowed kinds of dtype, f for float, i and u for integers."""
     import numpy as np
 
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):

@@ -1,8 +1,8 @@
 """glTF files to arrays, binary (GLB) and as text   [glTF].
 
-An own reader, because a file may announce what it does not hold: each count is compared with the bytes that are there
-before anything is made of it, nodes must be a tree, and other files are read by ``other`` only. Meshes stand as the
-file poses them: nodes, instances, morph targets and skins. Materials, animations, lines and points are skipped.
+This is our own reader, because the sizes that a file states may be wrong: each count is compared with the bytes that
+exist before memory is allocated, nodes must be a tree, and only ``other`` reads other files. Nodes, instances, morph
+targets and skins are applied. Materials, animations, lines and points are skipped.
 """
 
 import json
@@ -30,14 +30,14 @@ POSITIONS, NORMALS = (FLOAT, BYTE, UBYTE, SHORT, USHORT), (FLOAT, BYTE, SHORT)  
 
 
 def read_glb(data: bytes, most: float = MAX_TRIANGLES) -> list[RawMesh]:
-    """Read the triangles of all nodes of the scene of a GLB file, each where its transforms put it.
+    """Return the triangles of all nodes of the scene of a GLB file, with the transforms of the nodes applied.
 
     Parameters
     ----------
     data : bytes
         The file's content.
     most : float
-        Triangles that it may have: nodes may place a mesh any number of times.
+        The most triangles allowed: nodes may place a mesh any number of times.
 
     Returns
     -------
@@ -53,25 +53,25 @@ def read_glb(data: bytes, most: float = MAX_TRIANGLES) -> list[RawMesh]:
     --------
     >>> read_glb(b"glTF")
     Traceback (most recent call last):
-    ValueError: the header announces 0 bytes, the file has 4
+    ValueError: the header states 0 bytes, the file has 4
     """
     document, chunk = _chunks(data)
     return _read(document, Accessors(document, chunk), most)
 
 
 def read_gltf(data: bytes, most: float, other: Callable[[str], bytes]) -> list[RawMesh]:
-    """Read a glTF file of text, as ``read_glb`` does; ``other`` reads the files that its buffers name by their URIs."""
+    """Read a text glTF file as ``read_glb`` does; ``other`` reads the files that the URIs of its buffers name."""
     document = _document(data)
     return _read(document, Accessors(document, memoryview(b""), other), most)
 
 
 def _chunks(data: bytes) -> tuple[Record, memoryview]:
-    """The JSON, and the bytes of the first buffer (none: empty)."""
+    """Return the JSON, and the bytes of the first buffer (empty if there is none)."""
     length = int.from_bytes(data[8:12], "little")
     if len(data) < max(length, 20):
-        raise ValueError(f"the header announces {length} bytes, the file has {len(data)}")
+        raise ValueError(f"the header states {length} bytes, the file has {len(data)}")
     if data[:4] != MAGIC or data[4:8] != b"\2\0\0\0":
-        raise ValueError("the file does not begin as glTF 2.0 does")
+        raise ValueError("the file does not begin with the header of glTF 2.0")
     chunks, at = dict[bytes, memoryview](), 12
     while at + 8 <= length:
         end = at + 8 + int.from_bytes(data[at : at + 4], "little")
@@ -88,12 +88,12 @@ def _chunks(data: bytes) -> tuple[Record, memoryview]:
 def _document(text: bytes) -> Record:
     document = json.loads(text)
     if not isinstance(document, dict):
-        raise ValueError("its JSON is no object")
+        raise ValueError("its JSON is not an object")
     return document
 
 
 def _read(document: Record, accessors: Accessors, most: float) -> list[RawMesh]:
-    """Triangles of all parts; they are counted before any is made."""
+    """Return the triangles of all parts; they are counted before any array is made."""
     notes = dict.fromkeys(check_extensions(document))
     placed = list(islice(parts(document, accessors, notes), MAX_PARTS + 1))
     if len(placed) > MAX_PARTS:
@@ -112,20 +112,20 @@ def _read(document: Record, accessors: Accessors, most: float) -> list[RawMesh]:
 
 
 def _size(primitive: Record, accessors: Accessors) -> tuple[int, int]:
-    """Triangles that a part has, and vertices that they use at most; none for lines, points, and without positions."""
+    """Return the triangles of a part and the most vertices they use; 0 for lines, points, and without positions."""
     mode, attributes = primitive.get("mode", TRIANGLES), record_in(primitive, "attributes")
     if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
         return 0, 0
     vertices = accessors.count(attributes["POSITION"])
     corners = accessors.count(primitive["indices"]) if "indices" in primitive else vertices
     if mode == TRIANGLES and corners % 3:
-        raise ValueError(f"{corners} corners are no triangles")
+        raise ValueError(f"{corners} corners do not make triangles")
     triangles = corners // 3 if mode == TRIANGLES else max(corners - 2, 0)
     return triangles, min(vertices, 3 * triangles + SPARE)
 
 
 def _mesh(part: Part, accessors: Accessors, skins: Skins, notes: dict[str, None]) -> RawMesh:
-    """Triangles of a part, posed and in place."""
+    """Return the triangles of a part, posed and transformed."""
     primitive, attributes = part.primitive, record_in(part.primitive, "attributes")
     _refuse_draco(primitive, attributes, accessors)
     count = accessors.count(attributes["POSITION"])
@@ -136,7 +136,7 @@ def _mesh(part: Part, accessors: Accessors, skins: Skins, notes: dict[str, None]
     faces, rows = _faces(primitive.get("mode", TRIANGLES), corners), None
     if (last := int(faces.max())) >= count:
         raise ValueError(f"a triangle has vertex {last}, but there are {count}, counted from 0")
-    if count > 3 * len(faces) + SPARE:  # the others belong to other parts
+    if count > 3 * len(faces) + SPARE:  # the other vertices belong to other parts
         rows = distinct(faces)
         faces = np.searchsorted(rows, faces)
     vertices = accessors.floats(attributes["POSITION"], "VEC3", POSITIONS, rows)
@@ -151,12 +151,12 @@ def _mesh(part: Part, accessors: Accessors, skins: Skins, notes: dict[str, None]
     if part.skin is not None and attributes.keys() >= {"JOINTS_0", "WEIGHTS_0"}:
         return skins.apply(mesh, attributes, part.skin, rows)
     if part.skin is not None:
-        notes["a mesh with a skin has no joints and weights; it stands where its node puts it"] = None
+        notes["a mesh with a skin has no joints and weights; the transform of its node is used"] = None
     return transform(mesh, part.matrix[:3, :3], part.matrix[:3, 3])
 
 
 def _refuse_draco(primitive: Record, attributes: Record, accessors: Accessors) -> None:
-    """Refuse a part whose numbers are in a compressed form only."""
+    """Refuse a part whose numbers exist only in compressed form."""
     indices = [primitive["indices"]] if "indices" in primitive else []
     plain = all(accessors.has_data(index) for index in [attributes["POSITION"], *indices])
     if extension(primitive, DRACO) is not None and not plain:
@@ -164,7 +164,7 @@ def _refuse_draco(primitive: Record, attributes: Record, accessors: Accessors) -
 
 
 def _faces(mode: int, corners: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Triangles (m, 3) of a list, a strip or a fan of corners   [glTF, 3.7.2.1]."""
+    """Return the triangles (m, 3) of a list, a strip or a fan of corners   [glTF, 3.7.2.1]."""
     if mode == TRIANGLES:
         return corners.reshape(-1, 3)
     if mode == FAN:

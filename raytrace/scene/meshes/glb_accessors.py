@@ -1,4 +1,4 @@
-"""Numbers of a glTF file: buffers, views and accessors, each compared with the bytes that are there   [glTF, 3.6]."""
+"""Numbers of a glTF file: buffers, views and accessors, each compared with the bytes that exist   [glTF, 3.6]."""
 
 import base64
 import binascii
@@ -17,7 +17,7 @@ BYTE, UBYTE, SHORT, USHORT, UINT, FLOAT = 5120, 5121, 5122, 5123, 5125, 5126
 TYPES = {BYTE: "<i1", UBYTE: "<u1", SHORT: "<i2", USHORT: "<u2", UINT: "<u4", FLOAT: "<f4"}
 INDEX = UBYTE, USHORT, UINT
 WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-MAX_WORK = 2**29  # numbers of morph targets and skins that are read: some ten seconds
+MAX_WORK = 2**29  # numbers of morph targets and skins that are read: about ten seconds
 
 
 def _in_the_file(uri: str) -> bytes:
@@ -44,21 +44,21 @@ class Accessors:
         self._work = 0
 
     def count(self, index: Any) -> int:
-        """Rows that an accessor announces."""
+        """Return the number of rows that an accessor states."""
         return whole(item(self._document, "accessors", index), "count")
 
     def has_data(self, index: Any) -> bool:
-        """Whether an accessor holds numbers of its own; without, all are 0."""
+        """Return whether an accessor has numbers of its own; otherwise all are 0."""
         return bool(item(self._document, "accessors", index).keys() & {"bufferView", "sparse"})
 
     def spend(self, count: int) -> None:
-        """Count numbers that are read, and refuse too many."""
+        """Add to the count of numbers read, and refuse too many."""
         self._work += count
         if self._work > MAX_WORK:
             raise TooLargeError(f"its morph targets and skins take more than {MAX_WORK:,} numbers; apply them first")
 
     def rows(self, index: Any, shape: str, kinds: tuple[int, ...], rows: NDArray[np.int64] | None = None) -> Rows:
-        """Return rows of an accessor as they are stored; where none are named, all of them.
+        """Return rows of an accessor as they are stored; all of them if none are named.
 
         Parameters
         ----------
@@ -73,7 +73,7 @@ class Accessors:
         accessor, name = item(self._document, "accessors", index), f"accessors[{index}]"
         kind = accessor.get("componentType")
         if type(kind) is not int or kind not in kinds or accessor.get("type") != shape:
-            raise ValueError(f"{name} does not hold what it is used for")
+            raise ValueError(f"{name} does not have the type that its use needs")
         dtype, count, width = np.dtype(TYPES[kind]), whole(accessor, "count"), WIDTHS[shape]
         if "bufferView" in accessor:
             found = self._view(accessor, dtype, (count, width), name)
@@ -98,7 +98,7 @@ class Accessors:
     def _replace(
         self, found: Rows, sparse: Record, shape: tuple[int, int], name: str, rows: NDArray[np.int64] | None
     ) -> Rows:
-        """Put in the rows that a sparse accessor replaces."""
+        """Insert the rows that a sparse accessor replaces."""
         places, values, most = record_in(sparse, "indices"), record_in(sparse, "values"), whole(sparse, "count")
         kind = places.get("componentType")
         if type(kind) is not int or kind not in INDEX or most > shape[0]:
@@ -106,7 +106,7 @@ class Accessors:
         where = self._view(places, np.dtype(TYPES[kind]), (most, 1), f"{name}: sparse")[:, 0].astype(np.int64)
         new = self._view(values, found.dtype, (most, shape[1]), f"{name}: sparse")
         if most and ((np.diff(where) <= 0).any() or where[-1] >= shape[0]):
-            raise ValueError(f"{name}: sparse: the indices do not rise, or reach {shape[0]}")
+            raise ValueError(f"{name}: sparse: the indices do not increase, or reach {shape[0]}")
         found = np.array(found)
         if rows is None:
             found[where] = new
@@ -117,7 +117,7 @@ class Accessors:
         return found
 
     def _view(self, record: Record, dtype: np.dtype, shape: tuple[int, int], name: str) -> Rows:
-        """Rows seen in the bytes of a view, from an offset on."""
+        """Return rows as a view of the bytes, from an offset on."""
         view = item(self._document, "bufferViews", record.get("bufferView"))
         data = self._bytes(view)
         (count, width), offset = shape, whole(record, "byteOffset", 0)
@@ -126,7 +126,7 @@ class Accessors:
         if stride < row:
             raise ValueError(f"{name} has rows of {row} bytes every {stride} bytes")
         if count and offset + (count - 1) * stride + row > len(data):
-            raise ValueError(f"{name} announces {count} rows of {row} bytes, its view has {len(data)} bytes")
+            raise ValueError(f"{name} states {count} rows of {row} bytes, its view has {len(data)} bytes")
         return np.ndarray(shape, dtype, data, offset if count else 0, (stride, dtype.itemsize))
 
     def _bytes(self, view: Record) -> memoryview:
@@ -153,5 +153,5 @@ class Accessors:
             try:
                 self._read[index] = memoryview(base64.b64decode(str(uri).partition(";base64,")[2], validate=True))
             except (binascii.Error, ValueError):
-                raise ValueError(f"buffers[{index}]: its data is no base64") from None
+                raise ValueError(f"buffers[{index}]: its data is not base64") from None
         return self._read[index]

@@ -1,4 +1,4 @@
-"""Morph targets and skins of glTF meshes, in the pose that the file has   [glTF, 3.7.2.2 and 3.7.3]."""
+"""Morph targets and skins of glTF meshes, in the pose of the file   [glTF, 3.7.2.2 and 3.7.3]."""
 
 from typing import Any
 
@@ -49,14 +49,14 @@ def morph(
 
 
 class Skins:
-    """The skins of a file."""
+    """Applies the skins of a file."""
 
     def __init__(self, document: Record, accessors: Accessors, notes: dict[str, None]) -> None:
         self._document, self._accessors, self._notes = document, accessors, notes
         self._world: World | None = None
 
     def apply(self, mesh: RawMesh, attributes: Record, index: Any, rows: Ints | None) -> RawMesh:
-        """Return a mesh as its joints pose it, in the space of the scene.
+        """Return a mesh in the pose of its joints, in the space of the scene.
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class Skins:
         return RawMesh(vertices, faces, normals, None if normals is None else faces)
 
     def _influences(self, attributes: Record, count: int, rows: Ints | None) -> tuple[Ints, Matrix]:
-        """Joints (n, k) of each vertex, and their weights, of sum 1."""
+        """Return the joints (n, k) of each vertex, and their weights, of sum 1."""
         joints, weights, k = list[Ints](), list[Matrix](), 0
         while f"JOINTS_{k}" in attributes and f"WEIGHTS_{k}" in attributes:
             pair = attributes[f"JOINTS_{k}"], attributes[f"WEIGHTS_{k}"]
@@ -114,7 +114,7 @@ class Skins:
         return every, share / total[:, None]
 
     def _matrices(self, index: Any, used: Ints) -> Matrix:
-        """Matrices (m, 3, 4) of the joints of those numbers."""
+        """Return the matrices (m, 3, 4) of the joints with these numbers."""
         skin = item(self._document, "skins", index)
         joints = entries(skin, "joints")
         if used[-1] >= len(joints):
@@ -132,13 +132,13 @@ class Skins:
 
 
 def distinct(values: Ints) -> Ints:
-    """Sorted values, each once; np.unique would import numpy.ma."""
+    """Return the sorted distinct values; np.unique would import numpy.ma."""
     values = np.sort(values, axis=None)
     return values[np.flatnonzero(np.diff(values, prepend=-1))]
 
 
 def _blend(matrices: Matrix, joints: Ints, weights: Matrix) -> Matrix:
-    """Mean (n, 3, 4) of the joints' matrices; summed in order, so that its last bit is the same everywhere."""
+    """Return the mean (n, 3, 4) of the matrices of joints; summed in order, for the same last bit everywhere."""
     blend = np.zeros((len(joints), 3, 4))
     for k in range(joints.shape[1]):
         blend += weights[:, k, None, None] * matrices[joints[:, k]]
@@ -146,12 +146,12 @@ def _blend(matrices: Matrix, joints: Ints, weights: Matrix) -> Matrix:
 
 
 def _product(matrices: Matrix, rows: Matrix) -> Matrix:
-    """Products (n, 3) of matrices (n, 3, >= 3) and columns, of which the first three count."""
+    """Return the products (n, 3) of matrices (n, 3, >= 3) and columns, of which the first three count."""
     return matrices[:, :, 0] * rows[:, :1] + matrices[:, :, 1] * rows[:, 1:2] + matrices[:, :, 2] * rows[:, 2:]
 
 
 def _cofactors(linear: Matrix) -> tuple[Matrix, Matrix]:
-    """Cofactors (n, 3, 3) of matrices up to a factor, and the sign of each determinant."""
+    """Return the cofactors (n, 3, 3) of matrices up to a factor, and the sign of each determinant."""
     scaled = linear / np.maximum(np.abs(linear).max(axis=(1, 2), keepdims=True), np.finfo(float).tiny)
     cofactors = np.cross(np.roll(scaled, -1, axis=1), np.roll(scaled, -2, axis=1))
     row = scaled[:, 0] * cofactors[:, 0]

@@ -1,4 +1,4 @@
-"""Extensions of glTF: which are read, which have no shape in them, and what is said of all others   [glTF]."""
+"""Extensions of glTF: which are read, which do not affect the shape, and the warning for all others   [glTF]."""
 
 from raytrace.scene.meshes.errors import UnsupportedError
 from raytrace.scene.meshes.glb_json import Record, entries
@@ -6,7 +6,7 @@ from raytrace.scene.meshes.glb_json import Record, entries
 INSTANCING, VISIBILITY = "EXT_mesh_gpu_instancing", "KHR_node_visibility"
 DRACO, MESHOPT = "KHR_draco_mesh_compression", ("EXT_meshopt_compression", "KHR_meshopt_compression")
 READ = {INSTANCING, VISIBILITY, "KHR_mesh_quantization"}
-HARMLESS = (  # names, or how names begin: no triangle depends on them
+HARMLESS = (  # names, or their beginnings: no triangle depends on them
     "ADOBE_materials_",
     "CESIUM_primitive_outline",
     "EXT_instance_features",
@@ -33,7 +33,7 @@ HARMLESS = (  # names, or how names begin: no triangle depends on them
     "VRM",  # avatars: materials, springs, expressions
     "WEBGL_materials_",
 )
-COMPRESSED = {DRACO, *MESHOPT}  # used, but not required: the file holds the plain data too, or the reader names them
+COMPRESSED = {DRACO, *MESHOPT}  # used, but not required: the file has the plain data too, or the reader names them
 
 
 def check_extensions(document: Record) -> list[str]:
@@ -60,7 +60,7 @@ def check_extensions(document: Record) -> list[str]:
 
 
 def _unknown(document: Record, key: str, read: set[str]) -> str:
-    """Names in a list of extensions that are neither read nor harmless."""
+    """Return the names of extensions that are neither read nor harmless."""
     names = dict.fromkeys(map(str, entries(document, key)))
     unknown = [name for name in names if name not in read and not name.startswith(HARMLESS)]
     return ", ".join(name[:80] for name in unknown[:5])

@@ -9,7 +9,7 @@ Record = dict[str, Any]
 
 
 def entries(record: Record, key: str) -> list[Any]:
-    """Return the list under a key; empty where there is none."""
+    """Return the list under a key; an empty one if the key is absent."""
     value = record.get(key, [])
     if not isinstance(value, list):
         raise ValueError(f"{key}: expected a list")
@@ -17,7 +17,7 @@ def entries(record: Record, key: str) -> list[Any]:
 
 
 def record_in(record: Record, key: str) -> Record:
-    """Return the object under a key; empty where there is none."""
+    """Return the object under a key; an empty one if the key is absent."""
     value = record.get(key, {})
     if not isinstance(value, dict):
         raise ValueError(f"{key}: expected an object")
@@ -35,7 +35,7 @@ def item(document: Record, name: str, index: Any) -> Record:
 
 
 def whole(record: Record, key: str, default: int | None = None) -> int:
-    """Return the whole number under a key."""
+    """Return the integer under a key."""
     value = record.get(key, default)
     if type(value) is not int or not 0 <= value < 2**53:
         raise ValueError(f"{key}: expected a whole number, got {str(value)[:40]}")
@@ -51,6 +51,6 @@ def numbers(record: Record, key: str, default: list[float]) -> NDArray[np.float6
 
 
 def extension(record: Record, name: str) -> Record | None:
-    """Return what an extension says of an object; None where it says nothing."""
+    """Return the data of an extension for an object; None if there is none."""
     extensions = record_in(record, "extensions")
     return record_in(extensions, name) if name in extensions else None

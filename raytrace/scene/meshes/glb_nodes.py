@@ -1,4 +1,4 @@
-"""Nodes of a glTF file: where they put parts of meshes   [glTF, 3.5]."""
+"""Nodes of a glTF file, and the parts of meshes that they place   [glTF, 3.5]."""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ MAX_PARTS = 2**16  # of meshes, each as often as nodes place it: a few seconds
 
 
 class Part(NamedTuple):
-    """A part of a mesh where a node puts it."""
+    """A part of a mesh that a node places."""
 
     primitive: Record
     matrix: Matrix  # (4, 4), applied to columns; of a skinned part without meaning
@@ -25,7 +25,7 @@ class Part(NamedTuple):
 
 
 def _local(shift: Matrix, turn: Matrix, scale: Matrix) -> Matrix:
-    """Matrix (4, 4) of a translation, a quaternion x, y, z, w of any length, and a scale."""
+    """Return the matrix (4, 4) of a translation, a quaternion x, y, z, w of any length, and a scale."""
     x, y, z, w = turn
     square = x * x + y * y + z * z + w * w
     if not 0 < square < np.inf:
@@ -43,7 +43,7 @@ def _local(shift: Matrix, turn: Matrix, scale: Matrix) -> Matrix:
 
 
 def _matrix(node: Record) -> Matrix:
-    """Transform of a node: its matrix, column after column, or translation, rotation and scale."""
+    """Return the transform of a node: its matrix, column after column, or translation, rotation and scale."""
     if "matrix" in node:
         return numbers(node, "matrix", [0.0] * 16).reshape(4, 4).T
     return _local(
@@ -54,29 +54,29 @@ def _matrix(node: Record) -> Matrix:
 
 
 def product(first: Matrix, m: Matrix) -> Matrix:
-    """Product of two matrices; written out, as in ``transform``."""
+    """Return the product of two matrices; written out, as in ``transform``."""
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is found later
         return first[:, :1] * m[0] + first[:, 1:2] * m[1] + first[:, 2:3] * m[2] + first[:, 3:] * m[3]
 
 
 def _placed(above: Matrix, node: Record) -> Matrix:
-    """Product of the transforms of what is above a node, and its own."""
+    """Return the product of the transform of the nodes above and that of a node."""
     moves = node.keys() & {"matrix", "rotation", "scale", "translation"}
     return product(above, _matrix(node)) if moves else above
 
 
 def parts(document: Record, accessors: Accessors, notes: dict[str, None]) -> Iterator[Part]:
-    """Parts of meshes of all visible nodes of the scene.
+    """Return the parts of meshes of all visible nodes of the scene.
 
     Parameters
     ----------
     document : dict
     accessors : Accessors
     notes : dict of str
-        Takes up what the user should know.
+        Collects what the user should know.
     """
     if not document.get("scenes"):
-        raise UnsupportedError("there is no scene in it, only parts for one; export it with a scene")
+        raise UnsupportedError("it has no scene, only parts for one; export it with a scene")
     scene = item(document, "scenes", document.get("scene", 0))
     waiting = [(node, np.eye(4)) for node in entries(scene, "nodes")]
     met = set()
@@ -84,7 +84,7 @@ def parts(document: Record, accessors: Accessors, notes: dict[str, None]) -> Ite
         index, above = waiting.pop()
         node = item(document, "nodes", index)
         if index in met:
-            raise ValueError(f"nodes[{index}] stands in the scene twice; nodes must be a tree")
+            raise ValueError(f"nodes[{index}] is in the scene twice; nodes must be a tree")
         met.add(index)
         if (extension(node, VISIBILITY) or {}).get("visible") is False:
             continue
@@ -104,7 +104,7 @@ def _of_node(
     if instancing is not None and skin is None:
         matrices = [product(matrix, local) for local in _instances(accessors, record_in(instancing, "attributes"))]
     elif instancing is not None:
-        notes[f"{INSTANCING} of a mesh that has a skin is not supported; the mesh stands there once"] = None
+        notes[f"{INSTANCING} of a mesh that has a skin is not supported; the mesh is placed once"] = None
     for primitive in entries(mesh, "primitives"):
         if not isinstance(primitive, dict):
             raise ValueError("primitives: expected objects")
@@ -113,7 +113,7 @@ def _of_node(
 
 
 def _instances(accessors: Accessors, attributes: Record) -> list[Matrix]:
-    """Transforms of the instances of a node; what an attribute does not give is as in a node without it."""
+    """Return the transforms of the instances of a node; a missing attribute has the default of a node."""
     read = {
         "TRANSLATION": ("VEC3", (FLOAT,), (0.0, 0.0, 0.0)),
         "ROTATION": ("VEC4", (FLOAT, BYTE, SHORT), (0.0, 0.0, 0.0, 1.0)),
@@ -137,7 +137,7 @@ def _instances(accessors: Accessors, attributes: Record) -> list[Matrix]:
 
 
 class World:
-    """Transforms of nodes from the root of their tree on, whether or not a scene holds them."""
+    """Transforms of nodes from the root of their tree on, whether or not they belong to a scene."""
 
     def __init__(self, document: Record) -> None:
         self._document = document
@@ -149,7 +149,7 @@ class World:
                     raise ValueError(f"nodes[{child}] has two parents; nodes must be a tree")
 
     def matrix(self, index: Any) -> Matrix:
-        """Transform (4, 4) of a node."""
+        """Return the transform (4, 4) of a node."""
         chain = []
         while index is not None and index not in self._known:
             item(self._document, "nodes", index)

@@ -1,7 +1,7 @@
 """Wavefront OBJ text to arrays.
 
-Why trimesh does not read it is measured in docs/robustness.md. The text is worked on in bulk; a line is looked at alone
-only where it is irregular. Materials, texture coordinates, groups, lines and points are ignored.
+Why trimesh does not read it is measured in docs/robustness.md. The text is processed in bulk; single lines are
+processed only where they are irregular. Materials, texture coordinates, groups, lines and points are ignored.
 """
 
 from collections.abc import Callable
@@ -21,12 +21,12 @@ Integers = NDArray[np.int64]
 
 
 class ObjError(ValueError):
-    """Text that is no OBJ.
+    """The text is not valid OBJ.
 
     Parameters
     ----------
     line : int
-        Number of the line to blame, from 1.
+        Number of the wrong line, from 1.
     text : str
         What is wrong with it.
     """
@@ -46,14 +46,14 @@ class _Statements(NamedTuple):
 
 
 def _lines(data: bytes) -> Words:
-    """Return the lines, made regular where one is not: no tabs, indents or comments; a continued one at its last."""
+    """Return the lines in regular form: no tabs, indents or comments; a continued line stands at its last one."""
     data = plain(data)
     lines = data.splitlines()
     comment_lines = data.count(b"\n#") + data.startswith(b"#")
     irregular = any(mark in b"\n" + data for mark in (b"\\", b"\t", b"\n ", b"\r "))
     if data.count(b"#") == comment_lines and not irregular:
         return lines
-    if b"1.#" in data or b"1#" in data:  # no comments: what Microsoft's C library writes for what is no number
+    if b"1.#" in data or b"1#" in data:  # no comments: what Microsoft's C library writes for NaN
         lines = INFINITE.sub(rb"\1inf", NO_NUMBER.sub(b"nan", data)).splitlines()
     begun: Words = []
     for i, line in enumerate(lines):
@@ -62,7 +62,7 @@ def _lines(data: bytes) -> Words:
             begun[-1], lines[i] = begun[-1][:-1], b""
         else:
             begun, lines[i] = [], b" ".join(begun)
-    if begun:  # the last line says that it goes on
+    if begun:  # the last line is marked as continued
         lines[-1] = b" ".join(begun)
     return lines
 
@@ -71,7 +71,7 @@ def _gather(lines: Words, key: bytes, most: int) -> _Statements:
     """Return the statements that begin with a key, cut to at most so many words."""
     start = key + b" "
     found = [i for i, line in enumerate(lines) if line.startswith(start)]
-    if key in lines:  # the key alone is too short a statement
+    if key in lines:  # a statement of the key alone is too short
         found = sorted([*found, *(i for i, line in enumerate(lines) if line == key)])
     joined = b" ".join([lines[i] for i in found])
     words, odd = joined.split(), b"_" in joined
@@ -95,7 +95,7 @@ def _shown(word: bytes) -> str:
 def _convert(
     words: Words, odd: bool, kind: Callable[[bytes], Any], what: str, line_of: Callable[[int], int]
 ) -> NDArray[Any]:
-    """Turn words into an array, or blame the line of the first that won't."""
+    """Return words as an array, or report the line of the first that is not a number."""
     try:
         return to_array(words, kind, odd)
     except WordError as error:
@@ -132,7 +132,7 @@ def _parts(corners: Words, lines: Integers) -> tuple[Words, Words]:
         raise ObjError(int(lines[first]), text)
     if slashes.count(2) < len(corners):
         corners = [corner + b"/" * (2 - count) for corner, count in zip(corners, slashes, strict=True)]
-    parts = b"/".join(corners).split(b"/")  # thrice as fast as a split for each corner
+    parts = b"/".join(corners).split(b"/")  # three times as fast as a split for each corner
     return parts[::3], [part or b"0" for part in parts[2::3]]
 
 
@@ -169,7 +169,7 @@ def read_obj(data: bytes) -> RawMesh:
         triangles = triangulate(vertices, rows, faces.sizes)
     except PolygonError as error:
         raise ObjError(int(faces.lines[error.polygon]), str(error)) from None
-    try:  # what is wrong with normals matters only where they are used
+    try:  # faults of normals matter only where the normals are used
         directions = _gather(text, b"vn", 3)
         normals = _numbers(directions)
         normal_rows = _references(normal_words, faces.odd, lines, directions, "normal") if len(normals) else None
@@ -181,7 +181,7 @@ def read_obj(data: bytes) -> RawMesh:
 
 
 def _check_finite(vertices: NDArray[np.float64], rows: Integers, lines: Integers) -> None:
-    """Blame the line of the first vertex that is used and not finite."""
+    """Report the line of the first vertex that is used and not finite."""
     finite = np.isfinite(vertices).all(axis=1)
     if not finite.all():
         bad = np.intersect1d(np.flatnonzero(~finite), rows)

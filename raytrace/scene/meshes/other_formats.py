@@ -1,6 +1,6 @@
-"""Mesh files of formats that take more than their own bytes: glTF of text with its buffers, and what trimesh reads.
+"""Mesh files that need more than their own bytes: text glTF with its buffers, and the formats that trimesh reads.
 
-trimesh is imported only here, when such a file is read. It gets the content of the file and can open no other one.
+trimesh is imported only here, when such a file is read. It receives the content of the file and cannot open others.
 """
 
 import io
@@ -26,7 +26,7 @@ from raytrace.scene.meshes.glb import read_gltf
 from raytrace.scene.meshes.raw_mesh import transform
 
 Reader = Callable[[bytes, float], list[RawMesh]]  # of a file's content, and triangles at most
-PACKAGES = {  # format -> what trimesh needs to read it
+PACKAGES = {  # format -> packages that trimesh needs to read it
     ".3mf": "lxml networkx",
     ".dae": "lxml pycollada",
     ".zae": "lxml pycollada",
@@ -36,7 +36,7 @@ PACKAGES = {  # format -> what trimesh needs to read it
     ".stp": "cascadio",
     ".step": "cascadio",
 }
-DECLARATIONS = b"<!doctype", b"<!entity"  # of XML, which can unfold to anything, and name other files
+DECLARATIONS = b"<!doctype", b"<!entity"  # of XML: entities can expand without limit, and name other files
 XML, TEXTS = (".dae", ".xaml"), (".dae", ".xml", ".model", ".3drep", ".3dxml")  # files, and entries of archives
 FANS = "its polygons of more than 3 corners became fans; concave ones are wrong: export triangles"
 CURE = "split it or simplify it"
@@ -50,9 +50,9 @@ def other_reader(path: Path, reach: Reach | None, allowance: Allowance) -> Reade
     path : pathlib.Path
         The file.
     reach : Reach or None
-        Where the files may lie that it names; None: below its folder.
+        Folders for the files that it names; None: its own folder.
     allowance : Allowance
-        Memory that all of them may take.
+        Memory that all of them may use.
     """
     kind, where = format_of(path), reach or Reach(path.parent)
     if kind == ".gltf":
@@ -61,7 +61,7 @@ def other_reader(path: Path, reach: Reach | None, allowance: Allowance) -> Reade
 
 
 def _buffer(path: Path, uri: str, reach: Reach, allowance: Allowance) -> bytes:
-    """Content of a file that a glTF file names."""
+    """Return the content of a file that a glTF file names."""
     from urllib.parse import unquote
 
     try:
@@ -82,7 +82,7 @@ def _buffer(path: Path, uri: str, reach: Reach, allowance: Allowance) -> bytes:
         raise
     except SceneError as error:
         raise SceneError([f"{path}: {error}"]) from None
-    except (OSError, ValueError) as error:  # the second of a zero byte
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
         raise FileError(
             f"{path}: {printable(shortened(uri, 200))}: can't be read: {getattr(error, 'strerror', error)}"
         ) from None
@@ -92,7 +92,7 @@ def _buffer(path: Path, uri: str, reach: Reach, allowance: Allowance) -> bytes:
 
 
 def _by_trimesh(path: Path, data: bytes, most: float, allowance: Allowance) -> list[RawMesh]:
-    """Triangles of a file, each where the file's scene puts it; without vertex normals."""
+    """Return the triangles of a file, placed by the scene of the file; without vertex normals."""
     kind = format_of(path)
     texts = _entries(path, data, allowance) if data[:2] == b"PK" else [data] if kind in XML else []
     for text in texts:
@@ -113,19 +113,19 @@ def _by_trimesh(path: Path, data: bytes, most: float, allowance: Allowance) -> l
 
 
 def _has_polygons(text: bytes) -> bool:
-    """Whether a COLLADA text has polygons of more than three corners."""
+    """Return whether a COLLADA text has polygons of more than three corners."""
     counts = {word for match in re.finditer(rb"<vcount>([^<]*)</vcount>", text) for word in match[1].split()}
     return b"<polygons" in text or bool(counts - {b"3"})
 
 
 def _off_faces(data: bytes) -> int:
-    """Number of polygons that an OFF file announces."""
+    """Return the number of polygons that an OFF file states."""
     match = re.search(rb"OFF(?:\s|#[^\n]*\n)*\d+\s+(\d+)", data)
     return int(match[1]) if match else 0
 
 
 def _load(path: Path, data: bytes, kind: str) -> Any:
-    """The ``trimesh.Scene`` of a file."""
+    """Return the ``trimesh.Scene`` of a file."""
     import trimesh
 
     if kind == ".off" and not _is_utf8(data):  # trimesh would guess the encoding; only comments can need one
@@ -141,7 +141,7 @@ def _load(path: Path, data: bytes, kind: str) -> Any:
         packages = PACKAGES.get(kind, error.name)
         text = f"to read {kind} files, trimesh needs further packages: pip install {packages} ({error})"
         raise FileError(f"{path}: {text}") from None
-    except Exception as error:  # its readers check little, and raise whatever comes
+    except Exception as error:  # its readers check little, and raise any exception
         text = " ".join(str(error).split())
         raise ValueError(f"trimesh can't read it: {type(error).__name__}{text and ': '}{text}") from error
 
@@ -155,7 +155,7 @@ def _is_utf8(data: bytes) -> bool:
 
 
 class _Nothing(dict[str, bytes]):
-    """The files that trimesh may open beside the one it reads: none. All that they could bring is colours."""
+    """Refuses all files that trimesh would open beside the one it reads; they could add only colours."""
 
     def get(self, key: str, default: Any = None) -> Any:
         """Refuse a file."""
@@ -167,12 +167,12 @@ class _Nothing(dict[str, bytes]):
 
 
 def _entries(path: Path, data: bytes, allowance: Allowance) -> list[bytes]:
-    """Return the XML texts of a ZIP archive, as some formats are; refuse one that unfolds to too much."""
+    """Return the XML texts of a ZIP archive, which some formats are; refuse one that is too large when unpacked."""
     try:
         archive = zipfile.ZipFile(io.BytesIO(data))
         size = sum(entry.file_size for entry in archive.infolist())
         if size > MAX_MESH:
-            raise TooLargeError(f"it unfolds to {size:,} bytes; at most {MAX_MESH:,}")
+            raise TooLargeError(f"it unpacks to {size:,} bytes; at most {MAX_MESH:,}")
         if lacks := allowance.lacks(READING_OTHER * size, CURE):
             raise FileMemoryError(f"memory: {path}: {lacks}")
         return [archive.read(entry) for entry in archive.infolist() if entry.filename.lower().endswith(TEXTS)]

@@ -1,7 +1,7 @@
 """PLY files to arrays.
 
-Rows of equal length, nearly always the case, are read all at once, others one by one.
-Colours, texture coordinates, edges and whatever else a file may hold are ignored.
+Rows of equal length, the usual case, are read all at once; others one by one.
+Colours, texture coordinates, edges and all other data are ignored.
 """
 
 import re
@@ -19,7 +19,7 @@ from raytrace.scene.meshes.words import BOM, plain
 TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4"}
 TYPES |= {"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4"}
 TYPES |= {"double": "f8", "float64": "f8", "int64": "i8", "uint64": "u8", "half": "f2", "float16": "f2"}
-UNKNOWN = "?"  # a type that only a text may have: there every number is a word
+UNKNOWN = "?"  # an unknown type, allowed only in a text, where every number is a word
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 CORNERS = NEEDED["face"]  # names of the list of a face's corners
 END = re.compile(rb"(?:^|[\r\n])end_header[ \t]*(\r\n|\n|\r|$)")
@@ -31,26 +31,26 @@ Numbers = dict[str, tuple[Integers, Array]]  # by property: how many in each row
 
 
 class Source(Protocol):
-    """The numbers of a file, and the place that is read next, in units of its own."""
+    """The numbers of a file, and the position of the next one, in units of the source."""
 
     at: int
     end: int
 
     def size(self, kind: str) -> int:
-        """How many units a number takes."""
+        """Return how many units a number takes."""
 
     def length(self, kind: str) -> int:
-        """Read the number before a list."""
+        """Return the number before a list."""
 
     def table(self, columns: list[Column], rows: int) -> list[Array]:
-        """Read rows of numbers; what a column holds of them is (rows, many)."""
+        """Return rows of numbers: for each column an array (rows, numbers per row)."""
 
     def at_places(self, column: Column, places: Integers, rows: Integers) -> Array:
-        """Numbers at any places, of the given rows."""
+        """Return numbers at any positions, of the given rows."""
 
 
 def _header(data: bytes) -> tuple[str, list[Element], bytes | memoryview]:
-    """Byte order (none: text), elements, and what follows."""
+    """Return the byte order (none: text), the elements, and the rest of the data."""
     end = END.search(data, 0, MAX_HEADER)
     if end is None:
         raise ValueError(f"the header has no end in the first {MAX_HEADER} bytes")
@@ -72,7 +72,7 @@ def _header(data: bytes) -> tuple[str, list[Element], bytes | memoryview]:
             case ["comment" | "obj_info", *_] | [""]:
                 pass
             case _:
-                raise ValueError(f"its header has a line that no reader knows: {line[:60]}")
+                raise ValueError(f"its header has a line of no known kind: {line[:60]}")
     if order == "?":
         raise ValueError("its header names no format")
     if order:
@@ -86,7 +86,7 @@ def _kind(name: str) -> str:
 
 
 def _check_types(elements: list[Element]) -> None:
-    """Refuse numbers of which nobody knows how long they are."""
+    """Refuse numbers of unknown size."""
     known = ", ".join(TYPES)
     for element in elements:
         for prop in element.properties:
@@ -101,7 +101,7 @@ def _check_types(elements: list[Element]) -> None:
 
 
 def _step(source: Source, element: Element, row: int, prop: Property) -> tuple[int, int]:
-    """Pass over one property of one row: how many numbers, and where they begin."""
+    """Skip one property of one row; return how many numbers it has, and where they begin."""
     lacking = ValueError(f"the file ends before row {row} of element {element.name} does")
     if prop.length and source.at + source.size(prop.length) > source.end:
         raise lacking
@@ -120,7 +120,7 @@ def _column(element: Element, prop: Property, many: int) -> Column:
 
 
 def _even(source: Source, element: Element) -> Numbers | None:
-    """All numbers of an element whose rows are as long as the first one; None: they are not."""
+    """Return all numbers of an element whose rows have equal lengths; None if they have not."""
     start = source.at
     counts = [_step(source, element, 0, prop)[0] for prop in element.properties]
     columns = list[Column]()
@@ -133,7 +133,7 @@ def _even(source: Source, element: Element) -> Numbers | None:
         return None
     try:
         table, found = iter(source.table(columns, element.rows)), Numbers()
-    except ValueError:  # rows of other lengths, or words that are no numbers: a look at each row will tell
+    except ValueError:  # rows of other lengths, or words that are not numbers: reading row by row decides
         source.at = start
         return None
     for prop, count in zip(element.properties, counts, strict=True):
@@ -145,8 +145,8 @@ def _even(source: Source, element: Element) -> Numbers | None:
 
 
 def _uneven(source: Source, element: Element) -> Numbers:
-    """All numbers of an element, row by row."""
-    if element.rows * len(element.properties) > source.end - source.at:  # of a unit each, at least
+    """Return all numbers of an element, read row by row."""
+    if element.rows * len(element.properties) > source.end - source.at:  # of at least one unit each
         raise ValueError(f"the file ends before the {element.rows} rows of element {element.name} do")
     steps = np.empty((2, len(element.properties), element.rows), np.int64)
     for row in range(element.rows):
@@ -166,7 +166,7 @@ def _read(source: Source, elements: list[Element]) -> dict[str, Numbers]:
 
 
 def _read_text(body: bytes, elements: list[Element]) -> tuple[dict[str, Numbers], dict[tuple[str, str], str]]:
-    """Read a text as a stream of words; where that does not come out even, row by row if its lines are the rows.
+    """Read a text as a stream of words; where that fails, row by row if its lines are the rows.
 
     With what is wrong with its words, by element and property.
     """
@@ -196,7 +196,7 @@ def read_ply(data: bytes) -> RawMesh | None:
     Returns
     -------
     RawMesh or None
-        None: it has no faces. Those of fewer than three corners are none.
+        None if it has no faces of at least three corners.
 
     Raises
     ------
@@ -233,7 +233,7 @@ def read_ply(data: bytes) -> RawMesh | None:
 
 
 def _rows_of(what: str, numbers: Array, sizes: Integers) -> Integers:
-    """Indices of vertices as whole numbers."""
+    """Return indices of vertices as integers."""
     if numbers.dtype.kind == "f":
         numbers = numbers.astype(np.float64)
         wrong = ~(abs(numbers) < 2.0**62) | (numbers != np.floor(numbers))
@@ -245,7 +245,7 @@ def _rows_of(what: str, numbers: Array, sizes: Integers) -> Integers:
 
 
 def _polygons(face: Numbers, vertices: Array) -> Integers:
-    """Triangles of the polygons."""
+    """Return the triangles of the polygons."""
     corners = next((face[name] for name in CORNERS if name in face), None)
     if corners is None:
         return np.empty((0, 3), np.int64)
@@ -262,7 +262,7 @@ def _polygons(face: Numbers, vertices: Array) -> Integers:
 
 
 def _strips(element: Numbers) -> Integers:
-    """Triangles of strips, each of which ends at -1; every second triangle of a strip turns the other way."""
+    """Return the triangles of strips; each strip ends at -1, and every second triangle has the other orientation."""
     if "vertex_indices" not in element:
         return np.empty((0, 3), np.int64)
     sizes, numbers = element["vertex_indices"]
@@ -275,5 +275,5 @@ def _strips(element: Numbers) -> Integers:
     odd = (first - begin[:-2]) % 2 == 1
     a, b, c = rows[:-2], rows[1:-1], rows[2:]
     one = (begin[2:] == begin[:-2]) & (c != -1)
-    whole = one & (a != b) & (b != c) & (c != a)  # a corner repeated: how strips are joined
+    whole = one & (a != b) & (b != c) & (c != a)  # repeated corners join strips
     return np.stack([np.where(odd, b, a), np.where(odd, a, b), c], axis=1)[whole]

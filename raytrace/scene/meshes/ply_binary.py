@@ -12,7 +12,7 @@ Integers = NDArray[np.int64]
 
 
 class Bytes:
-    """Numbers as a processor has them; the unit is a byte."""
+    """Numbers in binary form; the unit is a byte."""
 
     def __init__(self, body: memoryview, order: str) -> None:
         self.body, self.order, self.at, self.end = body, order, 0, len(body)

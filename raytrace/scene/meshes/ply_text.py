@@ -1,4 +1,4 @@
-"""The numbers of a text PLY: words, row by row or in whatever lines they stand."""
+"""The numbers of a text PLY: words, one row per line or in any lines."""
 
 from collections.abc import Sequence
 from itertools import accumulate, pairwise
@@ -15,16 +15,16 @@ Array = NDArray[Any]
 
 
 class Column(NamedTuple):
-    """Numbers of one property, as many from each row."""
+    """Numbers of one property, equally many in each row."""
 
     element: str
     name: str
     kind: str
     many: int
-    needed: bool  # whether a word that is no number matters
+    needed: bool  # whether a word that is not a number is an error
 
     def fault(self, row: int, word: bytes) -> str:
-        """What is wrong with a word."""
+        """Return what is wrong with a word."""
         shown = repr(word[:60].decode("utf-8", "replace"))
         return f"row {row} of element {self.element}: expected a number as {self.name}, got {shown}"
 
@@ -34,7 +34,7 @@ class Property(NamedTuple):
 
     name: str
     kind: str
-    length: str | None  # type of the number before a list that says how long it is; None: no list
+    length: str | None  # type of the number before a list, its length; None: no list
 
 
 class Element(NamedTuple):
@@ -48,7 +48,7 @@ class Element(NamedTuple):
 class Text:
     """Numbers as words; the unit is a word.
 
-    Words that are no numbers are not a number (NaN); ``faults`` says by property where the first one stands.
+    Words that are not numbers become NaN; ``faults`` has the position of the first one by property.
     """
 
     def __init__(self, words: list[bytes], odd: bool) -> None:
@@ -85,7 +85,7 @@ class Text:
         return np.stack(found, axis=1) if found else np.empty((len(words) // stride, 0))
 
     def numbers(self, column: Column, words: Sequence[bytes], rows: Array | None = None) -> Array:
-        """Numbers of a column, whatever its words."""
+        """Return the numbers of a column, whatever its words are."""
         try:
             return to_array(words, number, self.odd)
         except WordError as error:

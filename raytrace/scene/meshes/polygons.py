@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
-BLOCK = 2**17  # corners of polygons that are looked at together
-EXCESS = 1e-6  # of a polygon's area: what a triangle of a fan may lie outside it. Files round coordinates to about that
-SMALL = 16  # corners of a polygon of which fans about all corners are tried, many polygons at a time
+BLOCK = 2**17  # corners of polygons that are processed together
+EXCESS = (
+    1e-6  # of a polygon's area: part of a fan triangle that may lie outside it. Files round coordinates about as much
+)
+SMALL = 16  # up to so many corners, fans about all corners are tried, for many polygons at a time
 MAX_CORNERS = 2**14  # of a polygon that is clipped, which takes up to the square of its corners: about 1 s
 MAX_CLIPPING = 2**32  # sum of the squares of the corners of all polygons that are clipped
 
@@ -25,7 +27,7 @@ class PolygonError(ValueError):
 
 
 def fan(sizes: Integers) -> Integers:
-    """Return the corners (m, 3) of the triangles that polygons fall into: a fan about each one's first corner."""
+    """Return the corners (m, 3) of the triangles of polygons: a fan about the first corner of each."""
     triangles = sizes - 2
     first = np.repeat(np.cumsum(sizes) - sizes, triangles)
     step = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles)
@@ -33,7 +35,7 @@ def fan(sizes: Integers) -> Integers:
 
 
 def triangulate(vertices: Floats, corners: Integers, sizes: Integers) -> Integers:
-    """Return the corners (m, 3) of the triangles that polygons fall into.
+    """Return the corners (m, 3) of the triangles of polygons.
 
     Parameters
     ----------
@@ -76,7 +78,7 @@ def triangulate(vertices: Floats, corners: Integers, sizes: Integers) -> Integer
     for shift in range(1, SMALL):
         tried = wrong[(sizes[wrong] > shift) & (sizes[wrong] <= SMALL)]
         excess = polygons.excess(tried, shift)
-        right = tried[excess <= np.where(sizes[tried] == 4, polygons.excess(tried), EXCESS)]  # of two fans the better
+        right = tried[excess <= np.where(sizes[tried] == 4, polygons.excess(tried), EXCESS)]  # the better of two fans
         rows = _ranges(firsts[right], sizes[right] - 2)
         begin, size = (np.repeat(of, sizes[right] - 2)[:, None] for of in (polygons.begins[right], sizes[right]))
         triangles[rows] = begin + (triangles[rows] - begin + shift) % size
@@ -91,7 +93,7 @@ def triangulate(vertices: Floats, corners: Integers, sizes: Integers) -> Integer
 
 
 def _ranges(begins: Integers, lengths: Integers) -> Integers:
-    """Whole numbers from each of many beginnings on, so many of each."""
+    """Return consecutive integers from each of many starts, so many of each."""
     return np.arange(lengths.sum()) + np.repeat(begins - (np.cumsum(lengths) - lengths), lengths)
 
 
@@ -102,7 +104,7 @@ def _blocks(polygons: Integers, sizes: Integers) -> list[Integers]:
 
 
 def _check_work(clipped: Integers, sizes: Integers) -> None:
-    """Refuse what would take minutes to clip."""
+    """Refuse polygons that would take minutes to clip."""
     sizes = sizes[clipped]
     for k in np.flatnonzero(sizes > MAX_CORNERS)[:1]:
         text = f"a concave polygon of {sizes[k]:,} corners; at most {MAX_CORNERS:,}: export triangles"
@@ -113,7 +115,7 @@ def _check_work(clipped: Integers, sizes: Integers) -> None:
 
 
 class _Polygons(NamedTuple):
-    """Polygons, and what fans about their corners leave them by."""
+    """Polygons, and by how much fans about their corners leave them."""
 
     vertices: Floats
     corners: Integers
@@ -121,21 +123,21 @@ class _Polygons(NamedTuple):
     begins: Integers  # of their corners
 
     def left_by_fans(self, block: Integers) -> Integers:
-        """Those of some polygons that the fan about their first corner leaves."""
+        """Return those of some polygons that the fan about their first corner leaves."""
         quads = block[self.sizes[block] == 4]
         doubtful = np.union1d(quads[self._doubtful(quads)], block[self.sizes[block] > 4])
         return doubtful[self.excess(doubtful) > EXCESS]
 
     def _doubtful(self, quads: Integers) -> NDArray[np.bool_]:
-        """Whether the two triangles of quadrilaterals do not face the same half-space: a quick test that most pass."""
+        """Return whether the two triangles of quadrilaterals face different half-spaces: a quick test, mostly false."""
         with np.errstate(all="ignore"):
             rows = self.corners[self.begins[quads] + np.arange(4)[:, None]]
             x, y, z = (np.take(self.vertices[:, axis], rows[1:]) - self.vertices[rows[0], axis] for axis in range(3))
             i, j, k = (a[:-1] * b[1:] - b[:-1] * a[1:] for a, b in ((y, z), (z, x), (x, y)))
-            return np.asarray(~(i[0] * i[1] + j[0] * j[1] + k[0] * k[1] > 0))  # also what is no number, or underflows
+            return np.asarray(~(i[0] * i[1] + j[0] * j[1] + k[0] * k[1] > 0))  # also NaN, and underflow
 
     def excess(self, polygons: Integers, shift: int = 0) -> Floats:
-        """The most that a triangle of a polygon's fan lies outside it, as a part of its area.
+        """Return the largest part of a fan triangle outside its polygon, relative to the area of the polygon.
 
         Such a triangle is turned against the Newell normal, the sum of the cross products of the fan about whichever
         corner. Polygons without area, or with a vertex that is not finite, have none.
@@ -160,7 +162,7 @@ class _Polygons(NamedTuple):
 
 
 def _clip(points: Floats, fanned: Integers) -> Integers:
-    """Triangulate one polygon by ear clipping, or leave it as a fan where that is no better."""
+    """Triangulate one polygon by ear clipping, or keep its fan where that is no better."""
     from mapbox_earcut import triangulate_float64
 
     plane = _project(points)
@@ -174,14 +176,14 @@ def _clip(points: Floats, fanned: Integers) -> Integers:
 
 
 def _project(points: Floats) -> Floats | None:
-    """Corners of a polygon seen against its Newell normal, where it turns counter-clockwise; None: it has no area."""
+    """Return the corners of a polygon projected along its Newell normal, counter-clockwise; None: it has no area."""
     points = points - points[0]
     points = points / (abs(points).max() or 1.0)
     normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
     axis = int(np.argmax(abs(normal)))
     if not normal[axis]:
         return None
-    # along the normal into the plane of two axes: coordinates in that plane stay as they are where the polygon is flat
+    # along the normal into the plane of two axes: coordinates in that plane are unchanged where the polygon is flat
     x, y, z = normal  # sums are written out: the last bit of a matrix product would depend on the machine
     heights = (points[:, 0] * x + points[:, 1] * y + points[:, 2] * z) / (x * x + y * y + z * z)
     flat = points - heights[:, None] * normal
@@ -190,13 +192,13 @@ def _project(points: Floats) -> Floats | None:
 
 
 def _doubled(plane: Floats, triangles: Integers) -> Floats:
-    """Twice the signed area of triangles of a plane."""
+    """Return twice the signed area of triangles of a plane."""
     a, b, c = (plane[triangles[:, k]] for k in range(3))
     return np.asarray((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0]))
 
 
 def _complete(triangles: Integers, plane: Floats) -> Integers:
-    """Turn triangles counter-clockwise, and give back the corners that were left out because they lie on an edge.
+    """Orient triangles counter-clockwise, and add the corners that were left out because they lie on an edge.
 
     Without them there would be a crack along the edge, whose neighbour has these corners.
     """

@@ -1,4 +1,4 @@
-"""Mesh files to arrays, by readers that believe nothing of what a file announces."""
+"""Mesh files to arrays, by readers that trust no size or count that a file states."""
 
 import gzip
 import io
@@ -21,19 +21,19 @@ from raytrace.scene.meshes.ply import read_ply
 from raytrace.scene.meshes.raw_mesh import concatenate
 from raytrace.scene.meshes.stl import is_binary, is_text, read_stl
 
-READERS: dict[str, Callable[[bytes, float], list[RawMesh | None]]] = {  # of a file's content, and triangles at most
+READERS: dict[str, Callable[[bytes, float], list[RawMesh | None]]] = {  # arguments: content of a file, most triangles
     ".obj": lambda data, _: [read_obj(data)],
     ".ply": lambda data, _: [read_ply(data)],
     ".stl": lambda data, _: [read_stl(data)],
     ".glb": lambda data, most: list(read_glb(data, most)),
 }
-PLACED = 200  # bytes of a triangle that a node places
+PLACED = 200  # bytes per triangle that a node places
 
 
 MAX_REASON = 300  # characters
-PIECE = 2**20  # bytes of a compressed file that are unfolded at a time
-BEGIN = 100  # bytes that show what a file is
-SPACES = 32  # characters up to this one part words
+UNPACKED_BYTES = 2**20  # bytes of a compressed file that are unpacked at a time
+KIND_BYTES = 100  # bytes that identify the kind of a file
+LAST_SPACE = 32  # characters up to this one separate words
 
 
 def _read_bytes(path: Path, allowance: Allowance) -> bytes:
@@ -43,15 +43,15 @@ def _read_bytes(path: Path, allowance: Allowance) -> bytes:
             return path.read_bytes()
         with gzip.open(path) as file:
             data = io.BytesIO()
-            while piece := file.read(PIECE):
+            while piece := file.read(UNPACKED_BYTES):
                 data.write(piece)
                 if data.tell() > MAX_MESH:
-                    raise FileError(f"{path}: unfolds to more than {MAX_MESH} bytes; split it or simplify it")
+                    raise FileError(f"{path}: unpacks to more than {MAX_MESH} bytes; split it or simplify it")
                 _afford(path, data.tell(), None, allowance)
             return data.getvalue()
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         with path.open("rb") as file:
-            _check_kind(path, file.read(BEGIN))
+            _check_kind(path, file.read(KIND_BYTES))
         raise SceneError([f"{path}: broken or truncated gzip file: {error}"]) from None
     except FileError:
         raise
@@ -60,19 +60,19 @@ def _read_bytes(path: Path, allowance: Allowance) -> bytes:
 
 
 def _afford(path: Path, length: int, words: int | None, allowance: Allowance) -> None:
-    """Refuse a file that takes more memory than there is."""
+    """Refuse a file that needs more memory than there is."""
     if lacks := allowance.lacks(of_reading(format_of(path), length, words), "split it or simplify it"):
         raise FileMemoryError(f"memory: {path}: {lacks}")
 
 
 def _other_reader(path: Path, reach: Reach | None, allowance: Allowance) -> Callable[[bytes, float], list[RawMesh]]:
-    from raytrace.scene.meshes.other_formats import other_reader  # which few scenes need
+    from raytrace.scene.meshes.other_formats import other_reader  # few scenes need it
 
     return other_reader(path, reach, allowance)
 
 
 def _refusal(path: Path, error: ValueError, allowance: Allowance) -> SceneError | FileError:
-    """Word why a file that may be sound is refused."""
+    """Return the error for a file that is refused, although it may be valid."""
     if isinstance(error, TooManyTrianglesError):
         if lacks := allowance.lacks(PLACED * error.load, "simplify it, or place it less often"):
             return FileMemoryError(f"memory: {path}: {error}, which {lacks}")
@@ -82,11 +82,11 @@ def _refusal(path: Path, error: ValueError, allowance: Allowance) -> SceneError 
 
 
 def _words(data: bytes, kind: str) -> int | None:
-    """At most so many words are in a text; None: it is none."""
+    """Return an upper bound of the number of words in a text; None if it is not a text."""
     text = kind == ".obj" or (kind == ".ply" and b"format ascii" in data[:1000]) or (kind == ".stl" and is_text(data))
     if not text:
         return None
-    return int(np.count_nonzero(np.frombuffer(data, np.uint8) <= SPACES)) + data.count(b"/") * (kind == ".obj")
+    return int(np.count_nonzero(np.frombuffer(data, np.uint8) <= LAST_SPACE)) + data.count(b"/") * (kind == ".obj")
 
 
 def _check(mesh: RawMesh, path: Path) -> None:
@@ -97,14 +97,14 @@ def _check(mesh: RawMesh, path: Path) -> None:
         raise SceneError([f"{path}: {text}, counted from 0"])
     finite = np.isfinite(mesh.vertices).all(axis=1)
     if not finite.all():
-        bad = np.intersect1d(np.flatnonzero(~finite), mesh.faces)  # others have no say
+        bad = np.intersect1d(np.flatnonzero(~finite), mesh.faces)  # unused vertices do not matter
         if len(bad):
             row = int(bad[0])
             raise SceneError([f"{path}: vertex row {row} is not finite: {mesh.vertices[row].tolist()}"])
 
 
 def _check_kind(path: Path, data: bytes) -> None:
-    """Refuse a file that is something else than its name says."""
+    """Refuse a file whose content does not fit its name."""
     if text := mistaken(data):
         raise FileError(f"{path}: {text}")
     kind = format_of(path)
@@ -113,16 +113,16 @@ def _check_kind(path: Path, data: bytes) -> None:
 
 
 def read_mesh(path: Path, allowance: Allowance | None = None, reach: Reach | None = None) -> RawMesh:
-    """Read all triangles of a mesh file; several parts become one, each where its transforms put it.
+    """Return all triangles of a mesh file; its parts are transformed and joined.
 
     Parameters
     ----------
     path : pathlib.Path
         An OBJ, PLY, STL or GLB file, or one of another known format, plain or compressed with gzip.
     allowance : Allowance, optional
-        Memory that it may take; by default what is free.
+        Memory that it may use; by default the free memory.
     reach : Reach, optional
-        Where other files may lie that it names; by default below its own folder.
+        Folders for other files that it names; by default its own folder.
 
     Returns
     -------
@@ -156,13 +156,13 @@ def read_mesh(path: Path, allowance: Allowance | None = None, reach: Reach | Non
         raise
     except ObjError as error:
         raise SceneError([f"{path}:{error.line}: {error}"]) from None
-    except MemoryError:  # less than seemed free
+    except MemoryError:  # less was free than it seemed
         raise FileMemoryError(f"memory: {path}: there is not enough to read it; split it or simplify it") from None
     except (TooLargeError, UnsupportedError) as error:
         raise _refusal(path, error, allowance) from None
     except (ValueError, OverflowError, RecursionError) as error:
         reason = shortened(" ".join(str(error).split()) or type(error).__name__, MAX_REASON)
-        raise SceneError([f"{path}: no complete {kind[1:].upper()} file: {reason}"]) from error
+        raise SceneError([f"{path}: not a complete {kind[1:].upper()} file: {reason}"]) from error
     if not sum(len(part.faces) for part in parts):
         raise SceneError([f"{path}: no triangles in it"])
     for part in parts:

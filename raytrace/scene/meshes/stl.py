@@ -8,19 +8,19 @@ from raytrace.records import RawMesh
 from raytrace.scene.meshes.words import WordError, number, plain, to_array
 
 HEAD, ROW = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])  # bytes; a triangle
-BEGIN = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:solid|facet)[^\0]*", re.IGNORECASE)
+TEXT_BEGIN = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:solid|facet)[^\0]*", re.IGNORECASE)
 SOLID = re.compile(rb"solid[^\n]*")  # with a name, which may be any words
 PARTED = re.compile(rb"\bend\s+(facet|loop|solid)\b")
 
 
 def is_binary(data: bytes) -> bool:
-    """Whether a file is exactly as long as the number of triangles that a binary header announces asks for."""
+    """Return whether a file has exactly the length for the number of triangles in its binary header."""
     return len(data) >= HEAD and len(data) == HEAD + _announced(data) * ROW.itemsize
 
 
 def is_text(data: bytes) -> bool:
-    """Whether a file begins as a text does; the headers of many binary files begin with "solid" too."""
-    begin = BEGIN.match(data[:HEAD])
+    """Return whether a file begins like a text; the headers of many binary files begin with "solid" too."""
+    begin = TEXT_BEGIN.match(data[:HEAD])
     return not is_binary(data) and begin is not None and begin.end() == len(data[:HEAD])
 
 
@@ -29,7 +29,7 @@ def _announced(data: bytes) -> int:
 
 
 def read_stl(data: bytes) -> RawMesh | None:
-    r"""Read the triangles of an STL file; each has three vertices of its own.
+    r"""Return the triangles of an STL file; each has three vertices of its own.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def read_stl(data: bytes) -> RawMesh | None:
     elif is_text(data):
         corners = _text(plain(data).replace(b"\r", b"\n").lower())
     else:
-        raise ValueError(f"the header announces {_announced(data)} triangles, the file has {len(data)} bytes")
+        raise ValueError(f"the header states {_announced(data)} triangles, the file has {len(data)} bytes")
     if not len(corners):
         return None
     return RawMesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), None, None)
@@ -76,7 +76,7 @@ def _statements(text: bytes) -> bytes:
 
 
 def _one_a_line(statements: bytes) -> np.ndarray | None:
-    """Corners of a sound text with a statement in each line, as nearly all are; None: it is another."""
+    """Return the corners of a valid text with one statement per line, as nearly all have; None for others."""
     count = 3 * statements.count(b"endfacet")
     ended = statements.rfind(b"endsolid") > statements.rfind(b"vertex")
     if not (count and ended and statements.count(b"vertex") == count):
@@ -104,7 +104,7 @@ def _third_to_fifth(lines: list[bytes], count: int) -> list[bytes]:
 
 
 def _text(text: bytes) -> np.ndarray:
-    """Corners (m, 3, 3) of the triangles of a text in small letters."""
+    """Return the corners (m, 3, 3) of the triangles of a lower-case text."""
     statements = _statements(text)
     numbers = _one_a_line(statements)
     if numbers is not None:

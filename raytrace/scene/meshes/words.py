@@ -1,4 +1,4 @@
-"""Words of text meshes: white space as people read it, and numbers as programs write them."""
+"""Words of text meshes: all kinds of white space, and numbers as C libraries write them."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -14,14 +14,14 @@ RARE = b"\v\f\x1c\x1d\x1e\x1f"
 BLANKS = re.compile(rb"\xc2\xa0|\xe1\x9a\x80|\xe2\x80[\x80-\x8a\xaf]|\xe2\x81\x9f|\xe3\x80\x80|(?<![\x80-\xff])\xa0")
 BREAKS = re.compile(rb"\xc2\x85|\xe2\x80[\xa8\xa9]")
 PAGE = re.compile(rb"[\v\f][ \t]*(?=(?:vn?|vt|[flpgos]|usemtl|mtllib)[ \t])")  # before a statement of OBJ: a line break
-NOTHING = re.compile(rb"\xef\xbb\xbf|\xe2\x80[\x8b-\x8f]|\xe2\x81\xa0")  # of no width
-# how Microsoft's C library wrote what is no number, by kind
+NOTHING = re.compile(rb"\xef\xbb\xbf|\xe2\x80[\x8b-\x8f]|\xe2\x81\xa0")  # of zero width
+# NaN as Microsoft's C library wrote it, by kind
 NO_NUMBER = re.compile(rb"[+-]?(?:1\.?#(?:IND|QNAN|SNAN)\w*|nan\(\w*\))", re.IGNORECASE)
 INFINITE = re.compile(rb"([+-]?)1\.?#INF\w*", re.IGNORECASE)
 
 
 def plain(data: bytes) -> bytes:
-    r"""Return a text whose only white space is blanks, tabs and line breaks; most texts are so already.
+    r"""Return a text whose only white space is blanks, tabs and line breaks, as most texts have already.
 
     Examples
     --------
@@ -38,14 +38,14 @@ def plain(data: bytes) -> bytes:
 
 
 def number(word: bytes) -> float:
-    """Return what a word says: a number, or that it is none as C libraries write that.
+    """Return the number of a word, also NaN and infinity as C libraries write them.
 
     Examples
     --------
     >>> number(b"-1.5e3"), number(b"-1.#IND"), number(b"1.#INF")
     (-1500.0, nan, inf)
     """
-    if b"_" in word:  # Python's own way to part digits
+    if b"_" in word:  # Python's own separator of digits
         raise ValueError
     if NO_NUMBER.fullmatch(word):
         return float("nan")
@@ -55,14 +55,14 @@ def number(word: bytes) -> float:
 
 
 def whole(word: bytes) -> int:
-    """Return the whole number that a word says."""
+    """Return the integer of a word."""
     if b"_" in word:
         raise ValueError
     return int(word)
 
 
 class WordError(ValueError):
-    """A word that is no number: its place among the words, and the word itself."""
+    """A word is not a number: its position among the words, and the word itself."""
 
     def __init__(self, place: int, word: bytes) -> None:
         self.place, self.word = place, word
@@ -70,7 +70,7 @@ class WordError(ValueError):
 
 
 def to_array(words: Sequence[bytes], kind: Callable[[bytes], Any], odd: bool = True) -> NDArray[Any]:
-    """Turn words into an array, all at once where that is possible.
+    """Return words as an array, converted all at once where that is possible.
 
     Parameters
     ----------
@@ -78,12 +78,12 @@ def to_array(words: Sequence[bytes], kind: Callable[[bytes], Any], odd: bool = T
     kind : ``number`` or ``whole``
         float64 or int64.
     odd : bool
-        Whether any may have a "_", by which Python parts digits.
+        Whether any may have a "_", which Python accepts between digits.
 
     Raises
     ------
     WordError
-        The first word that is no such number.
+        The first word that is not such a number.
     """
     dtype = np.dtype(np.float64 if kind is number else np.int64)
     if not odd or b"_" not in b"".join(words):
