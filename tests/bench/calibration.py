@@ -27,9 +27,9 @@ TRUTH, TRUTH_SEED = 4096, 10**6
 BEND = 0.02  # second difference of sRGB luminance to two opposite neighbours (five 8-bit steps) that counts as an edge
 
 
-def rmse(picture: Any, truth: np.ndarray) -> float:
+def rmse(image: Any, truth: np.ndarray) -> float:
     """Root of the mean squared error on a screen."""
-    return float(np.sqrt(np.mean((screen(picture.rgb) - screen(truth)) ** 2)))
+    return float(np.sqrt(np.mean((screen(image.rgb) - screen(truth)) ** 2)))
 
 
 def with_edges(truth: np.ndarray) -> np.ndarray:
@@ -47,36 +47,36 @@ def stated(scene: Scene, truth: np.ndarray, sampler: str, spp: int, seeds: int) 
     held, at_edges, claimed, actual = [], [], [], []
     edge = with_edges(truth)
     for seed in range(seeds):
-        picture = rt.render(scene, spp=spp, size=truth.shape[1::-1], seed=seed, sampler=sampler)
-        off = np.abs((picture.rgb - truth) @ LUMINANCE)
-        covered = off <= t * picture.stderr + 1e-6  # rounding to float32
+        image = rt.render(scene, spp=spp, size=truth.shape[1::-1], seed=seed, sampler=sampler)
+        off = np.abs((image.rgb - truth) @ LUMINANCE)
+        covered = off <= t * image.stderr + 1e-6  # rounding to float32
         held.append(np.mean(covered))
         at_edges.append(np.mean(covered[edge]))
-        claimed.append(picture.stats["estimated_error"] ** 2)
-        actual.append(rmse(picture, truth) ** 2)
+        claimed.append(image.stats["estimated_error"] ** 2)
+        actual.append(rmse(image, truth) ** 2)
     ratio = float(np.sqrt(np.mean(claimed) / np.mean(actual)))
     coverage = {"held": float(np.mean(held)), "held at edges": float(np.mean(at_edges))}
     return {"sampler": sampler, "spp": spp, **coverage, "stated / actual": ratio, "edges": float(edge.mean())}
 
 
-def wanted(scene: Scene, truth: np.ndarray, target: float, seeds: int) -> dict[str, Any]:
-    """What a wanted error gives, and what all pixels alike would need for the same."""
+def aimed(scene: Scene, truth: np.ndarray, target: float, seeds: int) -> dict[str, Any]:
+    """Return what a target error gives, and how many samples uniform sampling would need for the same error."""
     ask = {"size": truth.shape[1::-1]}
-    pictures = [rt.render(scene, target_error=target, seed=seed, **ask) for seed in range(seeds)]
-    errors = [rmse(picture, truth) for picture in pictures]
-    spp = float(np.mean([picture.stats["samples"] / picture.stderr.size for picture in pictures]))
+    images = [rt.render(scene, target_error=target, seed=seed, **ask) for seed in range(seeds)]
+    errors = [rmse(image, truth) for image in images]
+    spp = float(np.mean([image.stats["samples"] / image.stderr.size for image in images]))
     alike = {
         n: np.mean([rmse(rt.render(scene, spp=n, seed=s, **ask), truth) for s in range(3)]) for n in (4, 16, 64, 256)
     }
     slope, start = np.polyfit(np.log(list(alike.values())), np.log(list(alike)), 1)
     actual = float(np.sqrt(np.mean(np.square(errors))))
     needed = float(np.exp(start) * actual**slope)
-    most = max(int(picture.aov["samples"].max()) for picture in pictures)
+    most = max(int(image.aov["samples"].max()) for image in images)
     return {"target": target, "actual": actual, "worst": max(errors), "spp": spp, "most": most, "alike": needed}
 
 
-def foretold(scene: Scene, truth: np.ndarray, seeds: int) -> dict[int, float]:
-    """By samples a pixel: error times samples^order, over what neighbours' differences say of edges (``EDGE``)."""
+def predicted(scene: Scene, truth: np.ndarray, seeds: int) -> dict[int, float]:
+    """Return, by samples per pixel, error times samples^order over the neighbours' prediction for edges (``EDGE``)."""
     height, width = truth.shape[:2]
     window = Window(0, 0, width, height)
     at, model = curve(window), MODELS["sobol"]
@@ -84,13 +84,13 @@ def foretold(scene: Scene, truth: np.ndarray, seeds: int) -> dict[int, float]:
     search.show(np.s_[:], screen(truth).reshape(-1, 3)[at].T)
     search._mark()
     known = np.zeros_like(search._known)
-    known[1] = 1.0  # what lies between neighbours, and nothing else
+    known[1] = 1.0  # only the term for an edge between neighbours
     weigh(search._edges.reshape(-1), search._columns, known.reshape(-1), width, search._error)
     between = search._error[: len(at)].mean()
     found = {}
     for spp in COUNTS:
-        pictures = [rt.render(scene, spp=spp, size=(width, height), seed=seed) for seed in range(seeds)]
-        mse = np.mean([rmse(picture, truth) ** 2 for picture in pictures])
+        images = [rt.render(scene, spp=spp, size=(width, height), seed=seed) for seed in range(seeds)]
+        mse = np.mean([rmse(image, truth) ** 2 for image in images])
         found[spp] = float(mse * spp**model.order / between)
     return found
 
@@ -106,8 +106,8 @@ def main() -> None:
         for sampler in SAMPLERS:
             rows = [stated(scene, truth, sampler, spp, args.rounds) for spp in COUNTS]
             intervals += [{"scene": name} | row for row in rows]
-        targets += [{"scene": name} | wanted(scene, truth, target, args.rounds) for target in TARGETS[name]]
-        edges.append([name, *foretold(scene, truth, args.rounds).values()])
+        targets += [{"scene": name} | aimed(scene, truth, target, args.rounds) for target in TARGETS[name]]
+        edges.append([name, *predicted(scene, truth, args.rounds).values()])
     show(f"Coverage of 95 % intervals in all pixels, at edges; stated / actual error; {args.rounds} seeds:\n")
     shares = {row["scene"]: row["edges"] for row in intervals}
     cells = {
@@ -124,7 +124,7 @@ def main() -> None:
     show(f"Pixels with an edge: {share}\n")
     show("Target errors; samples per pixel, mean and most, and what uniform sampling needs for the actual error:\n")
     table(list(targets[0]), (list(row.values()) for row in targets))
-    show("Error of pixels times samples^order, over what their neighbours' differences say of edges:\n")
+    show("Error of pixels times samples^order, over what the differences between neighbours predict for edges:\n")
     table(["spp", *map(str, COUNTS)], edges)
     finish(args, found, {"intervals": intervals, "targets": targets, "edges": edges})
 
