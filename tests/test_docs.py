@@ -1,5 +1,6 @@
 """The documents: complete, and true where a reader would copy from them. Sphinx checks their links (.ci/run)."""
 
+import ast
 import json
 import re
 import shutil
@@ -51,9 +52,48 @@ def test_every_cited_source_is_listed(name):
 
 def test_links_of_the_readme_lead_somewhere():
     text = (ROOT / "README.md").read_text("utf-8")
-    links = [link for link in re.findall(r"\]\(([^)#]+)", text) if "://" not in link]
+    links = [link for link in re.findall(r"(?:\]\(|src=\")([^)#\"]+)", text) if "://" not in link]
     assert len(links) > 5
     assert not [link for link in links if not (ROOT / link).exists()]
+
+
+def test_the_readme_is_short_and_its_python_works(tmp_path):
+    text = (ROOT / "README.md").read_text("utf-8")
+    assert text.count("\n") <= 120
+    (program,) = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    small = program.replace("spp=64", "spp=1, size=(32, 24)").replace("scenes/", f"{ROOT.as_posix()}/scenes/")
+    assert small.count("size=") == 1
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", f"import sys; sys.path.insert(0, {str(ROOT)!r})\n{small}print(hits.t)"],
+        capture_output=True,
+        text=True,
+        timeout=600,
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "room.png").stat().st_size > 0
+    assert "inf" not in done.stdout
+
+
+TOTALS = re.compile(r"^\| (Open3D|embreex|Mitsuba|Mitsuba, robust) \([\d.a-z]+\) +\| +\d+ \| +(\d+) \| +(\d+) \|", re.MULTILINE)
+
+
+@pytest.mark.parametrize("name", ["README.md", "docs/accuracy.md"])
+def test_pages_quote_the_totals_of_the_hard_cases_as_they_were_measured(name):
+    text = (ROOT / name).read_text("utf-8")
+    totals = TOTALS.findall(page("numerics.md"))
+    assert len(totals) == 2 * 4
+    assert not [(tracer, wrong, leaks) for tracer, wrong, leaks in totals if f"{wrong} / {leaks}" not in text]
+
+
+def test_the_textbook_page_names_functions_that_exist():
+    table = [line for line in page("textbook.md").splitlines() if re.match(r"\| .* \| `textbook/", line)]
+    assert len(table) == 10  # steps of the course
+    for line in table:
+        for file, names in re.findall(r"`([\w/]+\.py)`: ((?:`[\w.]+`(?:, )?)+)", line):
+            tree = ast.parse((ROOT / "raytrace" / file).read_text("utf-8"))
+            defined = {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+            assert set(re.findall(r"\w+", names)) <= defined, file
 
 
 BOX = 34  # triangles of scenes/cornell-box.json
