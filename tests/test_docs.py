@@ -75,7 +75,9 @@ def test_the_readme_is_short_and_its_python_works(tmp_path):
     assert "inf" not in done.stdout
 
 
-TOTALS = re.compile(r"^\| (Open3D|embreex|Mitsuba|Mitsuba, robust) \([\d.a-z]+\) +\| +\d+ \| +(\d+) \| +(\d+) \|", re.MULTILINE)
+TOTALS = re.compile(
+    r"^\| (Open3D|embreex|Mitsuba|Mitsuba, robust) \([\d.a-z]+\) +\| +\d+ \| +(\d+) \| +(\d+) \|", re.MULTILINE
+)
 
 
 @pytest.mark.parametrize("name", ["README.md", "docs/accuracy.md"])
@@ -166,6 +168,17 @@ def test_meshes_of_other_packages_as_start_shows_them(capsys):
     (program,) = blocks("start.md", "mesh")
     exec(program, {})
     assert capsys.readouterr().out == "[4.5]\n12\n"
+
+
+def test_rays_only_as_start_shows_them(capsys, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    (program,) = blocks("start.md", "rays")
+    told = re.search(r"^print.*# (.*)$", program, re.MULTILINE)[1]
+    space = {}
+    exec(program, space)
+    assert [round(float(word), 3) for word in capsys.readouterr().out.split()] == [float(word) for word in told.split()]
+    in_rows = space["bvh"].closest_hit([0, 0, 4], space["directions"])
+    assert (space["t"] == in_rows.t).all()
 
 
 def test_what_live_shows_works():
