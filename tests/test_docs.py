@@ -98,6 +98,17 @@ def test_the_textbook_page_names_functions_that_exist():
             assert set(re.findall(r"\w+", names)) <= defined, file
 
 
+def test_the_glossary_names_classes_and_files_that_exist():
+    package = ROOT / "raytrace"
+    text = "".join(path.read_text("utf-8") for path in package.rglob("*.py"))
+    terms = [line.split("|")[1:-1] for line in page("glossary.md").splitlines() if line.startswith("| ")][1:]
+    assert len(terms) > 20
+    assert [term for term, *_ in terms] == sorted(term for term, *_ in terms)
+    for *_, where in terms:
+        (name,) = re.findall(r"`(.*)`", where)
+        assert f"class {name}(" in text or f"class {name}:" in text or (package / name).exists(), name
+
+
 BOX = 34  # triangles of scenes/cornell-box.json
 
 

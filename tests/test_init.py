@@ -164,6 +164,8 @@ def test_an_unknown_name_is_an_attribute_error():
 
 def test_the_version_is_a_release_or_the_development_of_one():
     assert re.fullmatch(r"\d+\.\d+\.\d+(\.dev\d+)?", rt.__version__)  # PEP 440
+    assert f"\nversion: {rt.__version__}\n" in (ROOT / "CITATION.cff").read_text("utf-8")
+    assert f"{{{rt.__version__}}}" in (ROOT / "docs" / "cite.md").read_text("utf-8")
 
 
 def test_the_architecture_names_every_module():
