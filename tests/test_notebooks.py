@@ -54,14 +54,32 @@ def test_a_notebook_has_exercises(notebook):
 def test_notebooks_use_the_public_face_alone(notebook):
     for tree in map(ast.parse, cells_of(notebook)):
         for node in ast.walk(tree):
-            if isinstance(node, ast.ImportFrom):
-                assert not node.module.startswith("raytrace"), ast.unparse(node)
+            if isinstance(node, ast.ImportFrom) and node.module.startswith("raytrace"):
+                assert node.module == "raytrace.textbook", ast.unparse(node)
+                assert {name.name for name in node.names} <= set(raytrace.textbook.__all__)
             elif isinstance(node, ast.Import):
                 assert not any(name.name.startswith("raytrace.") for name in node.names), ast.unparse(node)
             elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "rt":
                 assert node.attr in raytrace.__all__
             elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "rt.show":
                 assert node.attr in raytrace.show.__all__
+            elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "rt.textbook":
+                assert node.attr in raytrace.textbook.__all__
+
+
+def test_moller_trumbore_is_typed_once_and_imported_afterwards():
+    typed = [name for name in NOTEBOOKS if any("def moller_trumbore" in cell for cell in cells_of(name))]
+    imported = [name for name in NOTEBOOKS if any("textbook import moller_trumbore" in cell for cell in cells_of(name))]
+    assert typed == NOTEBOOKS[:1]
+    assert imported == [NOTEBOOKS[0], NOTEBOOKS[1], NOTEBOOKS[6]]
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS)
+def test_a_notebook_begins_with_its_goals_duration_and_prerequisites(notebook):
+    text = (FOLDER / f"{notebook}.md").read_text("utf-8")
+    top = text[: text.index("```{code-cell}")]
+    found = re.findall(r"^- \*\*(\w+):\*\* ", top, re.MULTILINE)
+    assert found == ["Goals", "Duration", "Prerequisites"]
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS)

@@ -77,7 +77,36 @@ def test_a_ray_in_the_plane_of_a_triangle_misses():
 def test_slab(o, d, tmax, met):
     with np.errstate(divide="ignore"):
         inverse = 1 / np.array([d], float)
-    assert textbook.slab(np.array([o], float), inverse, np.zeros(3), np.ones(3), np.array([tmax])) == [met]
+    enter, leave = textbook.slab(np.array([o], float), inverse, np.zeros(3), np.ones(3))
+    assert ((enter <= leave) & (leave >= 0) & (enter <= tmax)) == [met]
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_no_ray_misses_a_box_whose_corner_it_aims_at(dtype):
+    rng = np.random.default_rng(9)
+    low = rng.random((20_000, 3)).astype(dtype)
+    high = low + rng.random((20_000, 3)).astype(dtype)
+    corner = np.where(rng.random(low.shape) < 0.5, low, high)
+    o = np.array([3.1, 2.7, 4.3], dtype)
+    enter, leave = textbook.slab(o, 1 / (corner - o), low, high)
+    assert (enter <= leave).all()
+    assert (leave >= 0).all()
+
+
+def test_irradiance_over_a_closed_surface_is_the_flux():
+    theta, phi = (np.mgrid[0:200, 0:400] + 0.5) * np.pi / 200
+    p = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)], axis=-1).reshape(-1, 3)
+    patch = np.sin(theta).reshape(-1, 1) * (np.pi / 200) ** 2  # area on the unit sphere
+    flux = np.array([10.0, 20.0, 30.0])
+    light = np.array([0.3, 0.5, -0.2])
+    np.testing.assert_allclose((textbook.irradiance(p, -p, light, flux) * patch).sum(axis=0), flux, rtol=1e-3)
+    assert (textbook.irradiance(p, p, light, flux) == 0).all()  # from behind
+
+
+def test_pixel_centres():
+    centres = textbook.pixel_centres((3, 2))
+    assert centres.shape == (2, 3, 1, 2)
+    assert centres[1, 2, 0].tolist() == [2.5, 1.5]
 
 
 def test_the_tree_holds_every_triangle_once_and_boxes_hold_what_is_below_them():

@@ -26,14 +26,14 @@ plt.rcParams |= {
 
 @contextmanager
 def check(exercise: str) -> Iterator[None]:
-    """Say in one line whether an exercise is solved. What goes wrong inside does not stop the notebook."""
+    """Print in one line whether an exercise is solved. An exception inside does not stop the notebook."""
     try:
         yield
     except NotImplementedError:
         RESULTS[exercise] = "yours to do"
     except AssertionError as problem:
         RESULTS[exercise] = f"not yet: {problem}"
-    except Exception as problem:  # noqa: BLE001 - a student's code may raise anything, and is told what
+    except Exception as problem:  # noqa: BLE001 - a student's code may raise anything; the line shows it
         RESULTS[exercise] = f"not yet: {type(problem).__name__}: {problem}"
     else:
         RESULTS[exercise] = "solved"
@@ -56,13 +56,13 @@ def row(pictures: Mapping[str, Any], height: float = 2.6, **options: Any) -> Non
 
 
 def screen(radiance: np.ndarray) -> np.ndarray:
-    """Linear radiance as a screen takes it: clipped to 0..1, with the curve of sRGB."""
+    """Return linear radiance as screen values: clipped to 0..1, with the curve of sRGB."""
     x = np.clip(np.asarray(radiance, float), 0, 1)
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
 
 
 def mesh(name: str, **placement: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (v, 3) and faces (m, 3) of a shipped mesh, placed as an object of a scene would be."""
+    """Return vertices (v, 3) and faces (m, 3) of a shipped mesh, placed like an object of a scene."""
     thing = {"mesh": MESHES / name, "material": "any", **placement}
     camera = {"position": [0, 0, 1], "look_at": [0, 0, 0], "fov": 45}
     found = rt.load({"camera": camera, "materials": {"any": {"type": "refractive", "ior": 1}}, "objects": [thing]}).mesh
@@ -70,7 +70,7 @@ def mesh(name: str, **placement: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def described(name: str) -> dict[str, Any]:
-    """Content of a shipped scene, to be changed and drawn from any folder."""
+    """Return the content of a shipped scene as a dict, ready to change and to render from any folder."""
     content = json.loads((MESHES.parent / f"{name}.json").read_text("utf-8"))
     for thing in content["objects"]:
         thing["mesh"] = MESHES.parent / thing["mesh"]

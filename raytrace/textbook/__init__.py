@@ -1,13 +1,13 @@
-"""The algorithm as the books have it: NumPy with masks on batches of rays, and nothing else.
+"""The algorithm as textbooks present it: NumPy with masks on batches of rays, and nothing else.
 
-Each function is the formula of its source, in float64 and without a trick. ``render`` renders every scene that ships
-with the package, slowly. Read it before the kernels: docs/textbook.md leads from each function here to the fast one.
+Each function is the formula of its source, without optimizations. ``render`` renders every scene that ships with the
+package, slowly. Read this package before the kernels: docs/textbook.md leads from each function to the fast one.
 """
 
 from raytrace.textbook.box import slab
-from raytrace.textbook.camera import pinhole_rays, stratified
+from raytrace.textbook.camera import pinhole_rays, pixel_centres, stratified
 from raytrace.textbook.integrator import integrate, render
-from raytrace.textbook.shading import direct_light, reflect, refract, surface_at
+from raytrace.textbook.shading import direct_light, irradiance, reflect, refract, surface_at
 from raytrace.textbook.tree import Tree, median_split, traverse
 from raytrace.textbook.triangle import moller_trumbore
 
@@ -15,9 +15,11 @@ __all__ = [
     "Tree",
     "direct_light",
     "integrate",
+    "irradiance",
     "median_split",
     "moller_trumbore",
     "pinhole_rays",
+    "pixel_centres",
     "reflect",
     "refract",
     "render",

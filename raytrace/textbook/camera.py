@@ -11,10 +11,10 @@ F8 = NDArray[np.floating]
 
 
 def stratified(size: tuple[int, int], spp: int, seed: int = 0) -> F8:
-    """Film positions (h, w, spp, 2) in pixels: one random point in each cell of a grid in each pixel.
+    """Return film positions (h, w, spp, 2) in pixels: each pixel has a grid of cells, with one random point per cell.
 
-    Stratification never makes the variance larger than that of independent points [Pharr2023, 8.2.1]. Where the grid
-    has more than spp cells, those without a point are chosen at random in each pixel.
+    The variance is never larger than that of independent points [Pharr2023, 8.2.1]. If the grid has more than spp
+    cells, each pixel leaves out some of them at random.
 
     Examples
     --------
@@ -36,8 +36,21 @@ def stratified(size: tuple[int, int], spp: int, seed: int = 0) -> F8:
     return np.stack([x, y], axis=-1)
 
 
+def pixel_centres(size: tuple[int, int]) -> F8:
+    """Return the film positions (h, w, 1, 2) of the centres of pixels.
+
+    Examples
+    --------
+    >>> pixel_centres((2, 1)).tolist()
+    [[[[0.5, 0.5]], [[1.5, 0.5]]]]
+    """
+    width, height = size
+    y, x = np.mgrid[:height, :width] + 0.5
+    return np.stack([x, y], axis=-1)[:, :, None]
+
+
 def pinhole_rays(camera: Camera, size: tuple[int, int], positions: F8) -> tuple[F8, F8]:
-    """Origins and unit directions (n, 3) of the rays through film positions (n, 2), in pixels from the top left.
+    """Return origins and unit directions (n, 3) of rays through film positions (n, 2), in pixels from the top left.
 
     The film is a plane at distance 1; its height spans the angle ``fov``.
 
@@ -54,12 +67,12 @@ def pinhole_rays(camera: Camera, size: tuple[int, int], positions: F8) -> tuple[
     right = unit(np.cross(forward, camera.up))
     up = np.cross(right, forward)
     width, height = size
-    pixel = 2 * math.tan(math.radians(camera.fov) / 2) / height  # side of a pixel at distance 1
+    pixel = 2 * math.tan(math.radians(camera.fov) / 2) / height  # width of a pixel at distance 1
     x, y = pixel * (positions[:, :1] - width / 2), pixel * (height / 2 - positions[:, 1:])
     d = unit(forward + x * right + y * up)
     return np.broadcast_to(camera.position, d.shape), d
 
 
 def unit(a: F8) -> F8:
-    """Vectors (..., 3) scaled to length 1."""
+    """Return vectors (..., 3) scaled to length 1."""
     return a / np.linalg.norm(a, axis=-1, keepdims=True)

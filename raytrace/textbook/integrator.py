@@ -1,4 +1,4 @@
-"""The integrator: rays through pixels, bounced until they end on a diffuse surface, and averaged."""
+"""The integrator: it follows rays until they end on a diffuse surface, and averages them per pixel."""
 
 from pathlib import Path
 from typing import Any
@@ -13,25 +13,25 @@ from raytrace.textbook.shading import Point, direct_light, pass_interface, surfa
 from raytrace.textbook.tree import Tree, median_split, traverse
 
 F8 = NDArray[np.floating]
-BATCH = 2**14  # rays at once, for memory
+BATCH = 2**14  # rays traced at a time, to limit memory
 
 
 def integrate(scene: Scene, tree: Tree, blockers: Tree | None, o: F8, d: F8) -> F8:
-    """Radiance (n, 3) that arrives along rays.
+    """Return the radiance (n, 3) that arrives along rays.
 
-    Each turn of the loop takes all rays that are still under way to their next surface. Those that leave the scene see
-    the background; those on diffuse surfaces see reflected light; the others pass an interface and go on.
+    Each iteration traces all active rays to their next surface. A ray that leaves the scene gets the background. A ray
+    that hits a diffuse surface gets the light that this reflects. The others pass an interface and stay active.
 
     Parameters
     ----------
     scene : Scene
     tree, blockers : Tree
-        All triangles, and those that stop shadow rays; None: there are none.
+        All triangles, and those that block shadow rays. None: no triangle blocks them.
     o, d : (n, 3) arrays
         Origins and unit directions.
     """
-    radiance = np.zeros_like(o)  # stays 0 for a path that met max_depth surfaces
-    path = np.arange(len(o))  # the row of each ray that is under way
+    radiance = np.zeros_like(o)  # stays 0 for a path of max_depth interfaces
+    path = np.arange(len(o))  # rows of the active rays in radiance
     for _ in range(scene.settings.max_depth):
         if not len(path):
             break
@@ -48,6 +48,16 @@ def integrate(scene: Scene, tree: Tree, blockers: Tree | None, o: F8, d: F8) -> 
     return radiance
 
 
+def build_trees(scene: Scene) -> tuple[Tree, Tree | None]:
+    """Return the tree of all triangles, and the tree of those that block shadow rays, None if there are none."""
+    vertices, faces = scene.mesh.vertices, scene.mesh.faces
+    tree = median_split(vertices, faces)
+    blocks = ~scene.materials.transparent_shadow[scene.mesh.material_id]
+    if blocks.all():
+        return tree, tree
+    return tree, median_split(vertices, faces[blocks]) if blocks.any() else None
+
+
 def render(
     scene: Scene | str | Path | dict[str, Any],
     spp: int | None = None,
@@ -61,23 +71,23 @@ def render(
     Parameters
     ----------
     scene : Scene, str, Path or dict
-        As ``raytrace.render`` takes it.
+        The same as for ``raytrace.render``.
     spp, size : optional
-        Samples per pixel; film (width, height) in pixels. Default: what the scene says.
+        Samples per pixel; width and height of the image in pixels. Default: the settings of the scene.
     seed : int
-        Of the random positions of samples.
+        Seed of the random sample positions.
     positions : (h, w, spp, 2) array, pixels, optional
-        Where the samples lie on the film, instead of random positions. They decide ``spp``.
+        Sample positions on the film, instead of random ones. Their shape sets ``spp``.
 
     Returns
     -------
     (h, w, 3) array of float64
-        Linear radiance: the mean over the samples of each pixel.
+        Linear radiance, averaged over the samples of each pixel.
 
     Raises
     ------
     SceneError, FileError
-        As ``raytrace.load`` does.
+        The same as for ``raytrace.load``.
 
     Examples
     --------
@@ -90,9 +100,8 @@ def render(
     size = size or scene.settings.size
     if positions is None:
         positions = stratified(size, spp or scene.settings.spp, seed)
-    mesh, stops = scene.mesh, ~scene.materials.transparent_shadow[scene.mesh.material_id]
-    tree = median_split(mesh.vertices, mesh.faces)
-    blockers = tree if stops.all() else median_split(mesh.vertices, mesh.faces[stops]) if stops.any() else None
+    tree, blockers = build_trees(scene)
     o, d = pinhole_rays(scene.camera, size, positions.reshape(-1, 2))
-    parts = [integrate(scene, tree, blockers, o[k : k + BATCH], d[k : k + BATCH]) for k in range(0, len(o), BATCH)]
-    return np.concatenate(parts).reshape(*positions.shape[:3], 3).mean(axis=2)
+    batches = [slice(k, k + BATCH) for k in range(0, len(o), BATCH)]
+    radiance = np.concatenate([integrate(scene, tree, blockers, o[batch], d[batch]) for batch in batches])
+    return radiance.reshape(*positions.shape[:3], 3).mean(axis=2)

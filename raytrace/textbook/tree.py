@@ -10,7 +10,7 @@ from raytrace.textbook.box import slab
 from raytrace.textbook.triangle import moller_trumbore
 
 F8 = NDArray[np.floating]
-LEAF = 8  # triangles of a leaf, at most
+LEAF = 8  # largest number of triangles in a leaf
 
 
 class Tree(NamedTuple):
@@ -18,16 +18,16 @@ class Tree(NamedTuple):
 
     low: F8  # (n, 3) world units: corners of the node's box
     high: F8  # (n, 3)
-    right: NDArray[np.int64]  # (n,) the right child; in a leaf 0
+    right: NDArray[np.int64]  # (n,) index of the right child; 0 marks a leaf
     axis: NDArray[np.int64]  # (n,) axis along which the node is split
-    first: NDArray[np.int64]  # (n,) first place in prim_id of the triangles below the node
-    length: NDArray[np.int64]  # (n,) number of triangles below it
+    first: NDArray[np.int64]  # (n,) the triangles below a node are prim_id[first : first + length]
+    length: NDArray[np.int64]  # (n,) number of triangles below a node
     prim_id: NDArray[np.int64]  # (m,) triangles in the order of the leaves
     corners: F8  # (3, m, 3) world units: v0, v1 and v2 of the triangles, in the order of the leaves
 
 
 def median_split(vertices: F8, faces: NDArray[np.integer]) -> Tree:
-    """Build a tree: split the triangles at the median of their centroids, along the widest axis, until few are left.
+    """Build a tree by splitting triangles at the median of their centroids, along the axis where these spread most.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def median_split(vertices: F8, faces: NDArray[np.integer]) -> Tree:
     low, high, centroid = triangles.min(axis=1), triangles.max(axis=1), triangles.mean(axis=1)
     order = np.arange(len(triangles))
     nodes: list[list[int]] = []  # right, axis, first, count
-    stack = [(0, len(order), -1)]  # first, count, and the node whose right child this is
+    stack = [(0, len(order), -1)]  # first, count, and the node whose right child this is (-1: not a right child)
     while stack:
         first, count, parent = stack.pop()
         if parent >= 0:
@@ -72,10 +72,10 @@ def median_split(vertices: F8, faces: NDArray[np.integer]) -> Tree:
 
 
 def traverse(tree: Tree, o: F8, d: F8, tmax: float = np.inf) -> Hits:
-    """Nearest hits of rays with 0 < t < tmax.
+    """Return the nearest hits of rays with 0 < t < tmax.
 
-    One stack serves the whole batch: an entry is a node and the rays that are to visit it. The nearer child is visited
-    first, so that hits found there exclude what lies behind them.
+    One stack serves the whole batch. An entry is a node and the rays that have to visit it. The child that is nearer
+    for most rays is visited first: hits in it exclude boxes that lie behind them.
 
     Parameters
     ----------
@@ -103,14 +103,15 @@ def traverse(tree: Tree, o: F8, d: F8, tmax: float = np.inf) -> Hits:
     stack = [(0, np.arange(n))]
     while stack:
         node, rows = stack.pop()
-        rows = rows[slab(o[rows], inverse_d[rows], tree.low[node], tree.high[node], hits.t[rows])]
+        enter, leave = slab(o[rows], inverse_d[rows], tree.low[node], tree.high[node])
+        rows = rows[(enter <= leave) & (leave >= 0) & (enter <= hits.t[rows])]
         if not len(rows):
             continue
         if not tree.right[node]:
             _visit_leaf(tree, node, o, d, rows, hits)
             continue
         near, far = node + 1, tree.right[node]
-        if d[rows, tree.axis[node]].sum() < 0:
+        if np.sign(d[rows, tree.axis[node]]).sum() < 0:
             near, far = far, near
         stack += [(far, rows), (near, rows)]
     hits.t[hits.prim_id < 0] = np.inf
@@ -118,7 +119,7 @@ def traverse(tree: Tree, o: F8, d: F8, tmax: float = np.inf) -> Hits:
 
 
 def _visit_leaf(tree: Tree, node: int, o: F8, d: F8, rows: NDArray[np.int64], hits: Hits) -> None:
-    """Test rays against all triangles of a leaf, and keep hits that are nearer than those so far."""
+    """Test rays against all triangles of a leaf, and store hits that are nearer than those found before."""
     leaf = slice(tree.first[node], tree.first[node] + tree.length[node])
     t, u, v = moller_trumbore(o[rows, None], d[rows, None], *tree.corners[:, leaf])  # (rays, triangles) each
     t = np.where(t > 0, t, np.inf)
