@@ -1,4 +1,4 @@
-"""What a call of a kernel costs beside its work, against Numba's own dispatcher: there are no rays."""
+"""Measure the overhead of a kernel call without rays, compared with Numba's own dispatcher."""
 
 import numba
 import numpy as np
@@ -23,14 +23,14 @@ def main() -> None:
         each = {name: float(np.median(times)) / CALLS * 1e9 for name, times in seconds.items()}
         ratio = times_faster(seconds["raytrace"], seconds["Numba"])
         rows.append([kernel.__name__, arrays(kinds), *each.values(), ratio])
-    show("Nanoseconds of a call:\n")
+    show("Nanoseconds per call:\n")
     header = ["kernel", "arrays", "raytrace", "Numba", "times faster"]
     table(header, rows)
     finish(args, found, [dict(zip(header, row, strict=True)) for row in rows])
 
 
 def empty(value):
-    """The same kinds of arguments, with no rays."""
+    """Return arguments of the same signature, without rays."""
     if isinstance(value, np.ndarray):
         return value[:0] if value.ndim == 1 and len(value) > 4 else value
     return type(value)(*map(empty, value)) if isinstance(value, tuple) else value

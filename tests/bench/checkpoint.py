@@ -1,4 +1,4 @@
-"""What keeping a checkpoint costs: the same pictures with and without one, interleaved in one run."""
+"""Measure the cost of a checkpoint: the same images with and without one, interleaved in one run."""
 
 import tempfile
 from collections.abc import Callable
@@ -33,7 +33,7 @@ def main() -> None:
             more = 1 / times_faster(seconds["kept"], seconds["without"]) - 1
             rows.append([name, float(np.median(seconds["without"])), f"{more:+.1%}", f"{sizes[-1] / 1e6:.1f} MB"])
             results[name] = {each: times.tolist() for each, times in seconds.items()} | {"bytes": sizes[-1]}
-    table(["picture", "seconds without", "more with", "file"], rows)
+    table(["image", "seconds without", "additional with", "file"], rows)
     show("A checkpoint that isn't asked for keeps nothing of the first ten seconds of drawing.")
     finish(args, found, results)
 

@@ -1,9 +1,9 @@
-"""Two workers of one thread against one, and how many bytes a part moves: a scheduler and workers on this machine.
+"""Compare two workers of one thread with one, and count bytes per work item: scheduler and workers on this machine.
 
-One and two workers take turns, so that what else the machine does falls on both. On a machine of two cores, though, the
-caller and the scheduler take theirs from the workers; so a second table has workers that sleep for `NAP` a part instead
-of drawing it, as if each were on a machine of its own: what they are kept waiting shows alone. Bytes are those that the
-loopback device carried meanwhile (Linux), with all that the scheduler and the workers say to each other.
+One and two workers take turns, so other work on the machine affects both. On a machine with two cores, the caller and
+the scheduler take time from the workers. So in a second table, workers sleep for `NAP` per work item instead of
+rendering, as if each had its own machine: this shows only the time they wait. Bytes are those of the loopback device
+meanwhile (Linux), including the messages between scheduler and workers.
 """
 
 import subprocess

@@ -1,9 +1,9 @@
-"""How many parts a picture should have on a cluster: a simulation of scheduler, workers and link, and a model of it.
+"""Model how many work items an image should have on a cluster: a simulation of scheduler, workers and link.
 
-The simulation has one scheduler, which takes a time for every task whoever it is for; workers of one thread, some of
-them slow, each with one part under way and one waiting; parts whose work differs; and one link, through which all
-results come to the caller, one after the other. Efficiency is work / (speed of all workers x seconds). The model says
-in one line what that amounts to:
+The simulation has one scheduler, which needs the same time for every task; workers of one thread, some of them slow,
+each with one work item in progress and one waiting; work items of different cost; and one link, through which all
+results reach the caller one after the other. Efficiency is work / (speed of all workers x seconds). A model in one line
+approximates it:
 
     seconds = max(work / (workers speed), parts task, bytes / link) + 2 work / (parts slowest) + latency
 

@@ -1,4 +1,4 @@
-"""One picture of several ``report.json`` files: error against time, a panel for each scene."""
+"""Plot error against time from several ``report.json`` files, one panel per scene."""
 
 import json
 from argparse import ArgumentParser
@@ -18,7 +18,7 @@ LOOKS = {  # sampler, adaptive: name, colour, marker
 
 
 def panel(axes: Any, report: dict[str, Any]) -> None:
-    """Draw the samplers' curves of one report, in the precision in which the scene is drawn by default."""
+    """Plot the samplers' curves of one report, in the default precision of the scene."""
     usual = report["points"][0]["way"]
     for (sampler, adaptive), (name, colour, marker) in LOOKS.items():
         way = {**usual, "sampler": sampler, "adaptive": adaptive}
@@ -45,7 +45,7 @@ def main() -> None:
         panel(axes, json.loads(path.read_text("utf-8")))
     for axes in grid[len(args.reports) :]:
         axes.remove()
-    figure.supxlabel("seconds a picture", fontsize=11)
+    figure.supxlabel("seconds per image", fontsize=11)
     figure.supylabel("RMSE on a screen (sRGB)", fontsize=11)
     figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(LOOKS), fontsize=10)
     figure.savefig(args.output, dpi=90)

@@ -1,4 +1,4 @@
-"""Time against error, ours and Mitsuba 3's, interleaved in one run: a report of both, one plot, and the ratios."""
+"""Compare time against error with Mitsuba 3, interleaved in one run: a report, one plot, ratios, local slopes."""
 
 import json
 import os
@@ -7,6 +7,7 @@ import sys
 import tempfile
 import time
 from argparse import Namespace
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -26,11 +27,11 @@ from raytrace.reporting.measure import Point, Sweep
 from raytrace.reporting.reference import make_reference
 from raytrace.reporting.sweep import written
 
-PEER = "Mitsuba "  # before the names of its samplers
+PEER = "Mitsuba "  # prefix of the names of its samplers
 PEER_SAMPLERS = "multijitter", "ldsampler", "orthogonal", "stratified", "independent"
 ADAPTIVE, UNIFORM = Configuration("sobol", "float32", adaptive=True), Configuration("sobol", "float32")
-ERRORS = 1e-3, 4e-4, 1.4e-4  # RMSE on a screen that the table asks for
-COUNTS = 16, 64, 256  # samples per pixel whose errors are tabled
+ERRORS = 5e-3, 1e-3, 4e-4, 1.4e-4  # RMSE on a screen of the table: a preview, and three smaller ones
+COUNTS = 16, 64, 256  # samples per pixel of the table of errors
 COLD = """
 import sys, mitsuba as mi
 sys.path[:0] = [{bench!r}, {root!r}]
@@ -42,18 +43,18 @@ peer_picture(rt.load({scene!r}), ({width}, {height}))(16, 0).numpy()
 
 
 class PeerSubject:
-    """A scene that Mitsuba draws with one of its samplers."""
+    """A scene that Mitsuba renders with one of its samplers."""
 
-    table_bytes = 0  # its memory is not Python's, and unknown
+    table_bytes = 0  # its memory is not allocated by Python, and unknown
 
     def __init__(self, scene: Scene, way: Configuration, size: tuple[int, int]) -> None:
         self.way, self.size = way, size
         self._picture = peer_picture(scene, size, way.sampler.removeprefix(PEER))
 
     def draw(self, step: float, seed: int) -> Any:
-        """Draw one picture, and say of it what ``Render`` says; its rays are not counted."""
+        """Render one image; return the fields of ``Render`` that are used here. Its rays are not counted."""
         spp = int(step)
-        if self.way.sampler.endswith("orthogonal"):  # it wants the square of a prime
+        if self.way.sampler.endswith("orthogonal"):  # it needs the square of a prime
             spp = next(prime**2 for prime in (2, 3, 5, 7, 11, 13, 17, 19, 23) if prime**2 >= step)
         rgb = self._picture(spp, seed).numpy().reshape(*self.size[::-1], 3)
         stats = {"compile_seconds": 0.0, "rays": {}, "samples": spp * rgb.shape[0] * rgb.shape[1]}
@@ -65,12 +66,12 @@ def subject(scene: Scene, way: Configuration, size: tuple[int, int]) -> Any:
 
 
 def steps(way: Configuration) -> tuple[float, ...]:
-    """As many samples per pixel as the smallest error asks of every sampler that is worth a look."""
+    """Return the sample counts of a configuration: enough for the smallest error with every good sampler."""
     return steps_of(way) if way.adaptive else (*SPP, 2 * SPP[-1])
 
 
 def sweep(scene: Scene, size: tuple[int, int], folder: Path, ways: list[Configuration]) -> list[Point]:
-    """Measure all ways in turn, and write a report of them."""
+    """Measure all configurations in turn, and write a report."""
     began = time.perf_counter()
     truth = make_reference(scene, size, 600.0, lambda share, event: None)
     show(f"reference: {truth.spp} samples per pixel, its own error {truth.error:.1e}\n")
@@ -82,7 +83,7 @@ def sweep(scene: Scene, size: tuple[int, int], folder: Path, ways: list[Configur
 
 
 def ratios(points: list[Point]) -> list[dict[str, Any]]:
-    """For each error: least seconds of ours and of the peer's best sampler, between points on logarithmic axes."""
+    """Return, for each error, the least seconds of ours and of Mitsuba's best sampler, interpolated on log axes."""
     curves = {way: [p for p in points if p.way == way] for way in {p.way for p in points}}
     rows = []
     for error in ERRORS:
@@ -100,13 +101,19 @@ def ratios(points: list[Point]) -> list[dict[str, Any]]:
     return rows
 
 
-def told(point: Point) -> str:
-    """Error on a screen, and the samples per pixel where they are not those that were asked for."""
+def slopes(points: list[Point]) -> list[float]:
+    """Return the slopes of log error against log samples between neighbouring counts of the table."""
+    few = [point for point in points if point.step in COUNTS]
+    return [float(np.log(b.rmse_srgb / a.rmse_srgb) / np.log(b.spp / a.spp)) for a, b in pairwise(few)]
+
+
+def error_text(point: Point) -> str:
+    """Return the error on a screen, with the samples per pixel where they differ from those requested."""
     return f"{point.rmse_srgb:.2e}" + (f" ({point.spp:g} spp)" if point.spp != point.step else "")
 
 
 def plot(content: dict[str, Any], path: Path) -> None:
-    """Draw time against error, on a screen and in linear light, of a ``report.json``."""
+    """Plot time against error, on a screen and in linear light, from a ``report.json``."""
     from matplotlib.figure import Figure
 
     figure = Figure((13, 5.5), layout="constrained")
@@ -123,14 +130,14 @@ def plot(content: dict[str, Any], path: Path) -> None:
     left.set(title=f"{title}: RMSE on a screen (sRGB, clipped)")
     right.set(title="RMSE in linear light")
     for axes in (left, right):
-        axes.set(xscale="log", yscale="log", xlabel="seconds a picture, warm process")
+        axes.set(xscale="log", yscale="log", xlabel="seconds per image, warm process")
         axes.grid(alpha=0.3, which="both")
     left.legend(fontsize=9)
     figure.savefig(path, dpi=90)
 
 
 def cold(path: Path, size: tuple[int, int]) -> dict[str, list[float]]:
-    """Seconds of whole processes that draw one picture of 16 spp: with empty caches, then twice with what they kept."""
+    """Return seconds of whole processes, one image of 16 spp each: with empty caches, then twice with full ones."""
     bench = Path(__file__).parent
     words = COLD.format(bench=str(bench), root=str(ROOT), scene=str(path), width=size[0], height=size[1])
     found = {}
@@ -176,11 +183,13 @@ def main() -> None:
         plot(content, folder / "error.png")
         rows = ratios(points)
         table(["way", *map(str, COUNTS)],
-              ([way.name, *(told(p) for p in points if p.way == way and p.step in COUNTS)]
+              ([way.name, *(error_text(p) for p in points if p.way == way and p.step in COUNTS)]
                for way in ways if not way.adaptive))  # fmt: skip
         table(list(rows[0]), (list(row.values()) for row in rows))
-        table(["way", "order", "low", "high"],
-              ([o["way"]["name"], o["order"], o["low"], o["high"]] for o in content["orders"]))  # fmt: skip
+        show("Local slopes of log error against log samples (one line through all counts would hide the bend):\n")
+        uniform = [way for way in ways if not way.adaptive]
+        table(["way", *(f"{a} to {b}" for a, b in pairwise(COUNTS))],
+              ([way.name, *slopes([p for p in points if p.way == way])] for way in uniform))  # fmt: skip
         starts = cold(path, size) if samplers else {}
         table(["whole process, 16 spp, seconds", "empty caches", "again", "again"],
               ([name, *seconds] for name, seconds in starts.items()))  # fmt: skip

@@ -1,4 +1,4 @@
-"""How far the sides of frusta must be moved out: hard rays that are lost behind them, for several ``ROUNDINGS``."""
+"""Measure how far frustum sides must be moved out: hard rays lost behind them, for several ``ROUNDINGS``."""
 
 import json
 import shutil

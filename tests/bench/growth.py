@@ -1,4 +1,4 @@
-"""Time per camera ray, and to build, as one shape is cut into ever more triangles."""
+"""Measure the time per camera ray and per build for one shape with a growing number of triangles."""
 
 import time
 from pathlib import Path
@@ -11,11 +11,16 @@ from workloads import Mesh, ray_sets
 
 from raytrace.parallel import thread_count
 
-NAMES = {"raytrace": "o-", "Open3D": "s--", "Mitsuba": "v--", "Mitsuba, coherent": "^--"}  # what is traced, drawn so
+NAMES = {
+    "raytrace": "o-",
+    "Open3D": "s--",
+    "Mitsuba": "v--",
+    "Mitsuba, coherent": "^--",
+}  # ray tracer: style of its curve
 
 
 def bumpy(triangles: int) -> Mesh:
-    """A displaced sphere on a grid of latitude and longitude."""
+    """Return a displaced sphere on a grid of latitude and longitude."""
     n = round(np.sqrt(triangles / 4))
     theta, phi = np.pi * np.arange(n + 1)[:, None] / n, np.pi * np.arange(2 * n) / n
     x, y, z = np.sin(theta) * np.cos(phi), np.cos(theta) + 0 * phi, np.sin(theta) * np.sin(phi)
@@ -59,8 +64,10 @@ def plot(results: list[dict[str, Any]], path: Path) -> None:
 
 def main() -> None:
     options = parser(__doc__)
-    options.add_argument("--most", type=float, default=1e7, metavar="N", help="triangles of the finest (%(default)g)")
-    options.add_argument("--plot", type=Path, metavar="FILE", help="draw the curve (needs matplotlib)")
+    options.add_argument(
+        "--most", type=float, default=1e7, metavar="N", help="triangles of the finest mesh (%(default)g)"
+    )
+    options.add_argument("--plot", type=Path, metavar="FILE", help="plot the curves (needs matplotlib)")
     args = options.parse_args()
     found = begin()
     peers, missing = available()

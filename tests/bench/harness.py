@@ -1,4 +1,4 @@
-"""What all benches share: interleaved rounds, ratios, tables, and on what they ran."""
+"""Shared by all benchmarks: interleaved repetitions, ratios, tables, and a description of the machine."""
 
 import json
 import os
@@ -19,19 +19,24 @@ PACKAGES = "raytrace", "numpy", "numba", "llvmlite", "open3d", "mitsuba", "drjit
 
 
 def parser(about: str, rounds: int = 9) -> ArgumentParser:
-    """Options that every bench has."""
+    """Return a parser with the options of every benchmark."""
     made = ArgumentParser(description=about)
-    made.add_argument("--rounds", type=int, default=rounds, help="interleaved rounds; medians are taken (%(default)s)")
-    made.add_argument("--json", type=Path, metavar="FILE", help="write all numbers there too")
+    made.add_argument(
+        "--rounds", type=int, default=rounds, help="interleaved repetitions, whose median counts (%(default)s)"
+    )
+    made.add_argument("--json", type=Path, metavar="FILE", help="also write all numbers to this file")
     return made
 
 
 def show(line: str = "") -> None:
-    print(line, flush=True)  # noqa: T201  (the benches' only print)
+    print(line, flush=True)  # noqa: T201  (the only print of the benchmarks)
 
 
 def interleave(calls: Mapping[str, Callable[[], Any]], rounds: int) -> dict[str, np.ndarray]:
-    """Seconds of each call, (rounds,) arrays: all in turn, each round in the other order, after one call unmeasured."""
+    """Time calls in turn, and return seconds as (rounds,) arrays.
+
+    One call of each is not measured. Every second round runs in reverse order.
+    """
     for call in calls.values():
         call()
     seconds: dict[str, list[float]] = {name: [] for name in calls}
@@ -44,7 +49,7 @@ def interleave(calls: Mapping[str, Callable[[], Any]], rounds: int) -> dict[str,
 
 
 def times_faster(ours: np.ndarray, theirs: np.ndarray) -> float:
-    """Median of the rounds' ratios: what one round's noise does to both sides cancels."""
+    """Return the median of the rounds' ratios: noise that affects both sides of a round cancels."""
     return float(np.median(theirs / ours))
 
 
@@ -67,7 +72,7 @@ def _cell(value: Any) -> str:
 
 
 def begin() -> dict[str, Any]:
-    """Say, and return, on what the bench runs."""
+    """Print and return a description of the machine."""
     found = machine()
     for name, value in found.items():
         show(f"{name}: {value}")
@@ -76,7 +81,7 @@ def begin() -> dict[str, Any]:
 
 
 def machine() -> dict[str, Any]:
-    """Processor, cores, versions, commit, and how busy the machine already is."""
+    """Return processor, caches, memory, cores, versions, commit, and the load of the machine."""
     versions = {}
     for name in PACKAGES:
         try:
@@ -86,9 +91,11 @@ def machine() -> dict[str, Any]:
     return {
         "processor": _processor(),
         "cores": os.cpu_count(),
+        "memory": _memory(),
         "system": platform.platform(),
         "python": platform.python_version(),
         "versions": ", ".join(f"{name} {version}" for name, version in versions.items()),
+        "LLVM of Mitsuba": os.environ.get("DRJIT_LIBLLVM_PATH", "unknown"),
         "commit": _git("rev-parse", "--short", "HEAD") + (" with edits" if _git("status", "--porcelain") else ""),
         "date": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),
         "load": round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None,
@@ -104,7 +111,29 @@ def _processor() -> str:
     if "model name" not in fields:
         return platform.processor() or platform.machine()
     simd = [name for name in ("avx2", "avx512f") if name in fields.get("flags", "").split()]
-    return f"{fields['model name']}, model {fields.get('model')} ({', '.join(simd)})"
+    model = f"family {fields.get('cpu family')} model {fields.get('model')} stepping {fields.get('stepping')}"
+    threads = int(fields.get("siblings", 1)) // max(int(fields.get("cpu cores", 1)), 1)
+    clock = f"{fields.get('cpu MHz')} MHz (as the system states it)"
+    return f"{fields['model name']}, {model}, {clock}, {threads} thread(s) per core, {', '.join([*simd, *_caches()])}"
+
+
+def _caches() -> list[str]:
+    """Return the caches of the first core, where Linux lists them."""
+    folders = sorted(Path("/sys/devices/system/cpu/cpu0/cache").glob("index*"))
+    return [
+        f"L{_text(folder / 'level')} {_text(folder / 'type').lower()} {_text(folder / 'size')}" for folder in folders
+    ]
+
+
+def _memory() -> str:
+    """Return the size of the physical memory."""
+    if not hasattr(os, "sysconf") or "SC_PHYS_PAGES" not in os.sysconf_names:
+        return "unknown"
+    return f"{os.sysconf('SC_PHYS_PAGES') * os.sysconf('SC_PAGE_SIZE') / 2**30:.1f} GiB"
+
+
+def _text(path: Path) -> str:
+    return path.read_text().strip() if path.exists() else "?"
 
 
 def _git(*words: str) -> str:
@@ -115,7 +144,7 @@ def _git(*words: str) -> str:
 
 
 def finish(args: Namespace, found: dict[str, Any], results: Any) -> None:
-    """Write the JSON file that was asked for."""
+    """Write the JSON file, if one was requested."""
     if args.json:
         content = {"command": sys.argv, "machine": found, "results": results}
         args.json.write_text(json.dumps(content, indent=1) + "\n")

@@ -1,7 +1,7 @@
-"""``python tests/bench/live.py``: how many pictures a second follow a hand that drags a scene, in a real browser.
+"""Measure the frames per second of the live viewer while the mouse drags, in a real browser.
 
-From the mouse to the canvas: JupyterLab, its server, a kernel and a Chromium without a window share the machine. A
-frame is a picture on the canvas that answers a later position of the hand than the one before. Needs the extras
+Run ``python tests/bench/live.py``. The measurement includes JupyterLab, its server, a kernel and a headless Chromium on
+the same machine. A frame is an image on the canvas for a later mouse position than the previous one. Needs the extras
 ``notebook`` and ``browser``, and a Chromium.
 """
 

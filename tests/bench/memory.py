@@ -1,7 +1,7 @@
-"""Peak memory against what is foretold: ``PYTHONPATH=. python tests/bench/memory.py``; a process for each case.
+"""Compare peak memory with the estimate: ``PYTHONPATH=. python tests/bench/memory.py``; one process per case.
 
-Both are counted from what the process takes when its kernels are loaded. What is foretold is the least ``max_memory``
-that would not be refused.
+Both are counted from the memory of the process after its kernels are loaded. The estimate is the smallest
+``max_memory`` that is not rejected.
 """
 
 import json
@@ -27,20 +27,20 @@ def status(key):
     lines = Path("/proc/self/status").read_text().splitlines()
     return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(key))
 
-class Watched(memory.Allowance):  # notes what is foretold
-    foretold = 0
+class Watched(memory.Allowance):  # records the estimate
+    estimated = 0
     def __init__(self, max_memory=None):
         super().__init__(max_memory)
         self.resident, self.first = status("VmRSS"), self.left
     def lacks(self, needed, cure):
-        Watched.foretold = max(Watched.foretold, self.resident + needed + self.first - self.left)
+        Watched.estimated = max(Watched.estimated, self.resident + needed + self.first - self.left)
         return super().lacks(needed, cure)
 
 def step(name, call):
-    Watched.foretold = 0
+    Watched.estimated = 0
     Path("/proc/self/clear_refs").write_text("5")
     made = call()
-    found[name] = [Watched.foretold - base, status("VmHWM") - base]
+    found[name] = [Watched.estimated - base, status("VmHWM") - base]
     return made
 
 scene, options, picture = json.loads(sys.argv[1])
@@ -84,11 +84,11 @@ def main() -> None:
     report, rows, found = begin(), [], {}
 
     def add(name: str, *task: Any) -> None:
-        for step, (foretold, measured) in run(*task).items():
-            if measured > 2**26 or foretold > 2**26:  # of less, what the allocator keeps is most
-                ratio = None if foretold < 0 else foretold / measured
-                rows.append([name, step, foretold / 2**20 if ratio else None, measured / 2**20, ratio])
-                found[f"{name}, {step}"] = foretold, measured
+        for step, (estimated, measured) in run(*task).items():
+            if measured > 2**26 or estimated > 2**26:  # below, memory that the allocator keeps dominates
+                ratio = None if estimated < 0 else estimated / measured
+                rows.append([name, step, estimated / 2**20 if ratio else None, measured / 2**20, ratio])
+                found[f"{name}, {step}"] = estimated, measured
                 show(f"{name}, {step}: {ratio}")
 
     with tempfile.TemporaryDirectory() as folder:
@@ -98,8 +98,8 @@ def main() -> None:
         for spp in (1, 16):
             add(f"{film}, {spp} spp", "scenes/cornell-box.json", {"size": size, "spp": spp}, place / "a.png")
         add(f"{film}, layers", "scenes/cornell-box.json", {"size": size, "spp": 1, "aov": layers}, place / "a.exr")
-        wanted = {"size": size, "target_error": 0.05}
-        add(f"{film}, wanted error", "scenes/cornell-box.json", wanted, place / "a.npz")
+        target = {"size": size, "target_error": 0.05}
+        add(f"{film}, target error", "scenes/cornell-box.json", target, place / "a.npz")
         import make
 
         mesh = bumpy(args.triangles)
@@ -116,7 +116,7 @@ def main() -> None:
             few = {"size": (256, 256), "spp": 1, "precision": precision}
             add(f"{count}, {kind}, {normals}, {precision}", scene_of(path, normals), few, place / "b.png")
     show()
-    table(["case", "step", "foretold, MiB", "measured, MiB", "ratio"], rows)
+    table(["case", "step", "estimated, MiB", "measured, MiB", "ratio"], rows)
     finish(args, report, {"cases": found})
 
 

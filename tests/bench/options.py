@@ -1,4 +1,4 @@
-"""What the options of ``rt.BVH`` cost: precision, triangle test, split and threads, interleaved in one run."""
+"""Measure the cost of the options of ``rt.BVH``: precision, triangle test, split, threads; interleaved in one run."""
 
 from typing import Any
 
@@ -45,7 +45,7 @@ def main() -> None:
         mesh = MESHES[name]()
         tracers = {variant: Ours(mesh, **chosen) for variant, chosen in VARIANTS.items()}
         results += [measure(tracers, mesh, rays, args.rounds) for rays in ray_sets(mesh) if rays.name in SETS]
-    show("How many times the first is as fast as the second, column-major rays:\n")
+    show("Speed of the first over that of the second, column-major rays:\n")
     table(["mesh", "rays", *RATIOS], ([row["mesh"], row["rays"], *row["ratio"].values()] for row in results))
     finish(args, found, results)
 

@@ -1,4 +1,4 @@
-"""Pictures by Mitsuba 3 of a scene of ours: the same meshes, camera, point lights and box filter."""
+"""Render our scenes with Mitsuba 3: the same meshes, camera, point lights and box filter."""
 
 from collections.abc import Callable
 from typing import Any
@@ -56,7 +56,7 @@ def _through() -> type:
 
 
 def peer_scene(scene: Scene, size: tuple[int, int], sampler: str = "independent") -> Any:
-    """The scene as Mitsuba knows it."""
+    """Return the scene as Mitsuba's own objects."""
     mi = mitsuba()
     camera, materials = scene.camera, scene.materials
     look = mi.ScalarTransform4f().look_at(*(a.tolist() for a in (camera.position, camera.look_at, camera.up)))
@@ -91,7 +91,7 @@ def _peer_mesh(vertices: np.ndarray, faces: np.ndarray, bsdf: dict[str, Any]) ->
 
 
 def peer_picture(scene: Scene, size: tuple[int, int], sampler: str = "independent") -> Callable[[int, int], Any]:
-    """Gives a function that draws a picture with so many samples per pixel, from a seed."""
+    """Return a function that renders an image, given samples per pixel and a seed."""
     import drjit as dr
 
     mi, loaded = mitsuba(), peer_scene(scene, size, sampler)

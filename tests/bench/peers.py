@@ -1,4 +1,4 @@
-"""Ray tracers that Python reaches, behind one face: ``calls`` gives what to time, ``hits`` reads its answer."""
+"""Ray tracers for Python behind one interface: ``calls`` returns the calls to time, ``hits`` reads an answer."""
 
 import os
 from collections.abc import Callable
@@ -30,7 +30,7 @@ class Ours:
         }
 
     def counts(self, rays: RaySet) -> tuple[float, float]:
-        """Nodes visited and triangles tested, per ray; what a packet does for all its rays counts once."""
+        """Return nodes visited and triangles tested per ray; the work of a packet counts once for all its rays."""
         used, make = [], self.bvh.work
         self.bvh.work = lambda: used.append(make()) or used[-1]
         ask = self.bvh.any_hit if rays.any_hit else self.bvh.closest_hit
@@ -45,7 +45,7 @@ class Ours:
 
 
 class Open3D:
-    """Embree, robust mode, a call for all rays."""
+    """Embree in robust mode, one call for all rays."""
 
     name, module = "Open3D", "open3d"
 
@@ -68,7 +68,10 @@ class Open3D:
 
 
 class Mitsuba:
-    """Embree in packets of the machine's width, from a compiled loop over all rays."""
+    """Embree in packets of the machine's width, called from a compiled loop over all rays.
+
+    Its robust setting is off, as by default: the faster one. ``raytrace.hardcases`` compares robustness with both.
+    """
 
     name, module = "Mitsuba", "mitsuba"
 
@@ -85,7 +88,7 @@ class Mitsuba:
         import drjit as dr
 
         mi = self.mi
-        dr.set_thread_count(threads)  # the caller's own thread included
+        dr.set_thread_count(threads)  # including the caller's thread
         ray = mi.Ray3f(mi.Point3f(rays.o.T), mi.Vector3f(rays.d.T))
         ray.maxt = mi.Float(rays.tmax)
         dr.eval(ray)
@@ -105,7 +108,10 @@ class Mitsuba:
 
 
 class Embreex:
-    """Embree on one thread, a call for all rays: it holds the interpreter's lock, so that more threads do not help."""
+    """Embree on one thread, one call for all rays.
+
+    It holds the global interpreter lock, so more threads would not help.
+    """
 
     name, module = "embreex", "embreex.rtcore_scene"
 
@@ -117,7 +123,7 @@ class Embreex:
         self.mesh = TriangleMesh(self.scene, mesh.vertices, mesh.faces)
 
     def calls(self, rays: RaySet, threads: int) -> dict[str, Callable[[], Any]]:
-        if threads > 1:  # compared where all have one thread
+        if threads > 1:  # compared only where every ray tracer has one thread
             return {}
         o, d = np.ascontiguousarray(rays.o, "f4"), np.ascontiguousarray(rays.d, "f4")
         far = np.full(len(o), min(rays.tmax, 1e30), "f4")
@@ -130,16 +136,16 @@ class Embreex:
 
 
 def mitsuba() -> Any:
-    """The module, set to the variant that runs compiled on the CPU."""
+    """Return the module ``mitsuba``, set to the variant ``llvm_ad_rgb``, which runs compiled on the CPU."""
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")
-    mi.set_log_level(mi.LogLevel.Error)  # some samplers warn whenever they round the number of samples
+    mi.set_log_level(mi.LogLevel.Error)  # some samplers warn each time they round the number of samples
     return mi
 
 
 def available() -> tuple[list[type], dict[str, str]]:
-    """Peers that can run here, and of the others why not."""
+    """Return the ray tracers that can run here, and the reasons why the others cannot."""
     found, missing = [], {}
     for peer in (Open3D, Mitsuba, Embreex):
         try:

@@ -1,4 +1,4 @@
-"""A Cornell box in a warm process against Mitsuba 3 (``direct``), the same samples, interleaved in one run."""
+"""Compare a Cornell box in a warm process with Mitsuba 3 (``direct``), same number of samples, interleaved."""
 
 from collections.abc import Callable
 from itertools import count
@@ -36,12 +36,12 @@ def main() -> None:
     seconds = interleave(calls, args.rounds)
     samples = args.size**2 * args.spp / 1e6
     ratio = {name: times_faster(seconds["float32"], times) for name, times in seconds.items()}
-    table(["picture", "seconds", "million samples/s", "seconds / float32"],
+    table(["image", "seconds", "million samples/s", "seconds / float32"],
           ([name, float(np.median(times)), samples / float(np.median(times)), ratio[name]]
            for name, times in seconds.items()))  # fmt: skip
     stats = calls["float32"]().stats
     total = sum(stats["seconds_by_pass"].values())
-    show("Seconds by pass, summed over the threads, of one picture in float32:\n")
+    show("Seconds by pass, summed over the threads, of one image in float32:\n")
     table(["pass", "seconds", "share"], ([name, s, s / total] for name, s in stats["seconds_by_pass"].items()))
     finish(args, found, {"seconds": {name: times.tolist() for name, times in seconds.items()}, "ratio": ratio,
                          "passes": stats["seconds_by_pass"], "rays": stats["rays"]})  # fmt: skip

@@ -1,4 +1,8 @@
-"""Millions of rays per second of ``rt.BVH`` and of its peers, on the same rays, interleaved in one run."""
+"""Measure millions of rays per second of ``rt.BVH`` and of other ray tracers, on the same rays, interleaved.
+
+Camera and shadow rays come in rows of pixels, as NumPy programs make them, and in blocks of 4 x 4 pixels, which are
+more coherent. Bounces come in random order. Mitsuba has its default, non-robust intersection, which is the faster one.
+"""
 
 from typing import Any
 
@@ -7,13 +11,13 @@ from harness import begin, finish, interleave, parser, show, table, times_faster
 from peers import Ours, available
 from workloads import MESHES, RaySet, ray_sets
 
-# embreex holds the interpreter's lock, and is compared in one thread only
+# embreex holds the global interpreter lock, so it is compared in one thread only: it has no column with two
 COLUMNS = "raytrace", "raytrace, row-major", "Open3D", "Mitsuba", "Mitsuba, coherent", "embreex"
-DIFFERENT = 1e-3  # share of rays whose answers may differ (edges, and spheres' grazing rays) before it is said
+DIFFERENT = 1e-3  # share of hits that may differ (edges, grazing rays of spheres) before it is reported
 
 
 def measure(tracers: list[Any], rays: RaySet, threads: int, rounds: int) -> dict[str, Any]:
-    """Rates in millions of rays a second, and how many times ours is each of them."""
+    """Return rates in millions of rays per second, and the ratio of ours to each."""
     calls, hits = {}, {}
     for tracer in tracers:
         made = tracer.calls(rays, threads)
@@ -31,19 +35,21 @@ def measure(tracers: list[Any], rays: RaySet, threads: int, rounds: int) -> dict
 
 
 def better_mitsuba(ratio: dict[str, float]) -> float | None:
+    """Return the ratio to the faster of Mitsuba's two settings."""
     found = [value for name, value in ratio.items() if name.startswith("Mitsuba")]
     return min(found) if found else None
 
 
 def print_results(results: list[dict[str, Any]]) -> None:
-    show("Millions of rays per second, and ours times the peer (Mitsuba: its better setting):\n")
+    show("Millions of rays per second, and speed relative to the other (Mitsuba: its better setting):\n")
+    show("embreex runs in one thread, on all rays, and is compared with one thread of ours.\n")
     header = ["mesh", "rays", "threads", *COLUMNS, "x Open3D", "x Mitsuba", "x embreex"]
     table(header, ([row["mesh"], row["rays"], row["threads"], *(row["mrays"].get(name) for name in COLUMNS),
                     row["ratio"].get("Open3D"), better_mitsuba(row["ratio"]), row["ratio"].get("embreex")]
                    for row in results))  # fmt: skip
-    show("Work of a ray (a packet's counts once for all its rays), and the share that hit:\n")
+    show("Work per ray (that of a packet counts once for all its rays), and the share of hits:\n")
     once = [row for row in results if row["threads"] == results[0]["threads"]]
-    table(["mesh", "rays", "nodes", "triangles", "hit"],
+    table(["mesh", "rays", "nodes per ray", "triangles per ray", "hit"],
           ([row["mesh"], row["rays"], *row["counts"], row["hits"]["raytrace"]] for row in once))  # fmt: skip
     for row in once:
         for name, share in row["hits"].items():

@@ -1,6 +1,6 @@
-"""Our mesh readers beside trimesh's: import, seconds and memory of a large file, and what hostile files end in.
+"""Compare our mesh readers with trimesh's: import, seconds and memory of a large file, and results for hostile files.
 
-Each reading is a process of its own. Seconds are those of its processor, which other work on the machine delays less.
+Each file is read in its own process. Seconds are CPU time, which other work on the machine affects less.
 """
 
 import io

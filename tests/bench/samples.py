@@ -1,4 +1,4 @@
-"""What was tried on samples of the Cornell box: several nets, one for neighbours, and edges whose places are known."""
+"""Experiments with samples on the Cornell box: several nets, one net for neighbours, and known edges."""
 
 import sys
 from collections import defaultdict
@@ -17,12 +17,12 @@ sys.path.append(str(ROOT / "tests"))
 import naive_sampling as points
 
 COUNTS = 4, 16, 64  # samples per pixel
-BLURS = 1, 2, 4  # pixels: standard deviation of the Gaussian through which pictures are looked at
-GRID = 192  # points along the side of a pixel that measure the parts into which lines cut it
+BLURS = 1, 2, 4  # pixels: standard deviation of the Gaussian blur before the error is measured
+GRID = 192  # points along the side of a pixel, by which the areas of its regions are measured
 
 
 class Box:
-    """The box, one light, no glass: shaded by ``rt.BVH`` at any places of the film."""
+    """The box with one light and no glass, shaded by ``rt.BVH`` at any film position."""
 
     def __init__(self, side: int) -> None:
         self.scene, self.side = rt.load(ROOT / "scenes/cornell-box.json"), side
@@ -57,19 +57,19 @@ class Box:
 
 
 def apart(side: int, seed: int, spp: int) -> np.ndarray:
-    """The samples of ``sobol``: pixels know nothing of each other."""
+    """Return the samples of ``sobol``: pixels are independent."""
     return points.film_points("sobol", seed, spp, (0, 0, side, side))
 
 
 def unmirrored(side: int, seed: int, spp: int) -> np.ndarray:
-    """The same points, scrambled in the usual way."""
+    """Return the same points, scrambled in the usual way, without mirrored pairs."""
     y, x, sample = np.meshgrid(*(np.arange(n, dtype=np.uint64) for n in (side, side, spp)), indexing="ij")
     bits = [points.owen_scramble(points.sobol_raw(sample, dim), points.key(seed, x, y, dim)) for dim in (0, 1)]
     return np.stack([x + points.to_unit(bits[0]), y + points.to_unit(bits[1])], axis=-1)
 
 
 def compare_pairs(box: Box, truth: np.ndarray, seeds: int) -> list[dict[str, Any]]:
-    """RMSE on a screen of all pixels, and of the half of them in which it is smallest."""
+    """Return the RMSE on a screen of all pixels, and of the half with the smaller errors."""
     rows = []
     for spp in COUNTS:
         for name, way in (("mirrored", apart), ("unmirrored", unmirrored)):
@@ -84,7 +84,7 @@ def compare_pairs(box: Box, truth: np.ndarray, seeds: int) -> list[dict[str, Any
 
 
 def compare_several(box: Box, truth: np.ndarray, seeds: int) -> list[dict[str, Any]]:
-    """RMSE on a screen of the mean of several nets with as many samples together, over that of one."""
+    """Return the RMSE on a screen of the mean of several nets, relative to one net with the same number of samples."""
     rows = []
     for nets in (1, 2, 4, 8):
         row: dict[str, Any] = {"nets": nets}
@@ -103,7 +103,7 @@ def compare_several(box: Box, truth: np.ndarray, seeds: int) -> list[dict[str, A
 
 
 def of_one_net(side: int, seed: int, spp: int) -> np.ndarray:
-    """A run of one net for each pixel, along a scrambled Z curve: error as blue noise [Ahmed2020]."""
+    """Return samples of one net for all pixels, along a scrambled Z curve: blue-noise error [Ahmed2020]."""
     y, x = np.meshgrid(*[np.arange(side, dtype=np.uint64)] * 2, indexing="ij")
     order, path = np.zeros((2, side, side), np.uint64)
     shuffles = np.array(list(permutations(range(4))), np.uint64)
@@ -116,7 +116,7 @@ def of_one_net(side: int, seed: int, spp: int) -> np.ndarray:
 
 
 def alike(side: int, seed: int, spp: int) -> np.ndarray:
-    """The same samples in every pixel."""
+    """Return the same samples for every pixel."""
     return _in_pixels(np.arange(spp, dtype=np.uint64) + np.zeros((side, side, 1), np.uint64), seed)
 
 
@@ -128,7 +128,7 @@ def _in_pixels(sample: np.ndarray, seed: int) -> np.ndarray:
 
 
 def compare_nets(box: Box, truth: np.ndarray, seeds: int) -> list[dict[str, Any]]:
-    """RMSE on a screen, and what is left of it after blurs."""
+    """Return the RMSE on a screen, before and after blurs."""
     from scipy.ndimage import gaussian_filter
 
     rows = []
@@ -147,7 +147,7 @@ def compare_nets(box: Box, truth: np.ndarray, seeds: int) -> list[dict[str, Any]
 
 
 def lines(box: Box) -> list[np.ndarray]:
-    """Edges of the box as they lie on the film (2, 2), and those of shadows that they might cast on any triangle."""
+    """Return edges of the box on the film, (2, 2) each, and edges of the shadows they might cast on any triangle."""
     mesh = box.scene.mesh
     corners = mesh.vertices[mesh.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -172,7 +172,7 @@ def lines(box: Box) -> list[np.ndarray]:
 
 
 def crossed(found: list[np.ndarray], side: int) -> dict[tuple[int, int], list[np.ndarray]]:
-    """Lines that may cross a pixel (row, column)."""
+    """Return the lines that may cross each pixel (row, column)."""
     pixels = defaultdict(list)
     for line in found:
         steps = np.linspace(0, 1, int(4 * np.linalg.norm(line[1] - line[0])) + 2)[:, None]
@@ -183,7 +183,7 @@ def crossed(found: list[np.ndarray], side: int) -> dict[tuple[int, int], list[np
 
 
 def part_of(film: np.ndarray, cuts: list[np.ndarray]) -> np.ndarray:
-    """Number of the part in which points (n, 2) lie, into which lines cut the plane."""
+    """Return the number of the region of each point (n, 2): lines divide the plane into regions."""
     number = np.zeros(len(film), np.int64)
     for (x, y), end in cuts:
         number = 2 * number + ((film[:, 0] - x) * (end[1] - y) > (film[:, 1] - y) * (end[0] - x))
@@ -191,7 +191,7 @@ def part_of(film: np.ndarray, cuts: list[np.ndarray]) -> np.ndarray:
 
 
 def compare_edges(box: Box, truth: np.ndarray, seeds: int) -> tuple[list[dict[str, Any]], dict[str, float]]:
-    """RMSE on a screen where all samples count alike, and where each part of a pixel counts by its exact area."""
+    """Return the RMSE on a screen with equal weights, and with each region of a pixel weighted by its exact area."""
     found = lines(box)
     pixels = crossed(found, box.side)
     grid = np.stack(np.meshgrid(*[(np.arange(GRID) + 0.5) / GRID] * 2), axis=-1).reshape(-1, 2)
@@ -229,16 +229,16 @@ def main() -> None:
     found, box = begin(), Box(args.size)
     truth = box.truth()
     pairs = compare_pairs(box, truth, args.rounds)
-    show("Mirrored pairs: RMSE on a screen, and of the half of the pixels in which it is smallest:\n")
+    show("Mirrored pairs: RMSE on a screen, of all pixels and of the half with the smaller errors:\n")
     table(list(pairs[0]), (list(row.values()) for row in pairs))
     several = compare_several(box, truth, args.rounds)
-    show("Several nets instead of one for each pixel: RMSE on a screen, times that of one:\n")
+    show("Several nets per pixel instead of one: RMSE on a screen, relative to one net:\n")
     table(list(several[0]), (list(row.values()) for row in several))
     nets = compare_nets(box, truth, args.rounds)
-    show("Neighbours' samples: RMSE on a screen, and of what is left after a Gaussian blur, pixels:\n")
+    show("Samples of neighbours: RMSE on a screen, and after Gaussian blurs (pixels):\n")
     table(list(nets[0]), (list(row.values()) for row in nets))
     edges, about = compare_edges(box, truth, args.rounds)
-    show(f"Parts of pixels that count by their exact areas; {about}:\n")
+    show(f"Regions of pixels weighted by their exact areas; {about}:\n")
     table(list(edges[0]), (list(row.values()) for row in edges))
     finish(args, found, {"pairs": pairs, "several": several, "nets": nets, "edges": edges, "lines": about})
 

@@ -1,4 +1,4 @@
-"""Whole processes, as a shell sees them: seconds, memory, where each millisecond goes, and Mitsuba 3 beside them."""
+"""Measure whole processes, as a shell runs them: seconds, memory, time per step, compared with Mitsuba 3."""
 
 import json
 import os
@@ -15,7 +15,7 @@ from harness import ROOT, begin, finish, parser, show, table
 
 SCENE = "scenes/cornell-box.json"
 GLASS = "scenes/glass-sphere.json"
-SECOND, MITSUBA = "draw, second time", "the same picture by Mitsuba 3, llvm"
+SECOND, MITSUBA = "render, second time", "the same image by Mitsuba 3, llvm_ad_rgb"
 WARM = f"""
 import json, statistics, time
 import raytrace as rt
@@ -63,7 +63,7 @@ front = Wavefront(stage, view, make_sampler("sobol", 0, 4), 16)
 raytrace.jit.load_all(tracing(front))
 step("read and link 8 kernels")
 image = raytrace.render(scene, size=(256, 256), spp=4)
-step("draw")
+step("render")
 image.save(sys.argv[1])
 step("write the PNG")
 print(json.dumps(steps))
@@ -153,7 +153,7 @@ def processes(folder: Path) -> dict[str, list[str]]:
     else:
         show('missing: Mitsuba: pip install ".[bench]"\n')
     return words | {
-        "draw at 64 spp": drawing(64, folder),
+        "render at 64 spp": drawing(64, folder),
         "explain": ["-m", "raytrace", "explain", SCENE],
         "a scene error": ["-m", "raytrace", str(mistaken(folder))],
         "a scene that is not there": ["-m", "raytrace", "nowhere.json"],
@@ -182,7 +182,7 @@ def main() -> None:
                 run(*drawing(4, folder, scene), cache=folder / f"empty{k}{Path(scene).stem}")
                 for k in range(args.firsts)
             ]
-            outcomes[f"draw {Path(scene).stem}, empty store"] = firsts
+            outcomes[f"render {Path(scene).stem}, empty store"] = firsts
         outcomes["warmup, empty store"] = [run("-m", "raytrace", "warmup", cache=folder / "warm")]
         outcomes |= {name: [] for name in repeated}
         steps = []
@@ -196,13 +196,13 @@ def main() -> None:
     rows = [
         [name, *(middle(column) for column in list(zip(*all_, strict=True))[:3])] for name, all_ in outcomes.items()
     ]
-    rows.append(["draw in a warm process", warm, None, None])
+    rows.append(["render in a warm process", warm, None, None])
     table(["process", "seconds", "CPU seconds", "peak MB"], rows)
     if MITSUBA in outcomes:
         pairs = zip(outcomes[SECOND], outcomes[MITSUBA], strict=True)
         ratio = statistics.median(ours.seconds / theirs.seconds for ours, theirs in pairs)
-        show(f"The second drawing takes {ratio:.2f} times as long as Mitsuba's, the median over the rounds.\n")
-    show("Where the time of the second drawing goes; medians of processes:\n")
+        show(f"The second image takes {ratio:.2f} times as long as Mitsuba's, the median of the repetitions.\n")
+    show("Where the time of the second image goes; medians of processes:\n")
     python = statistics.median(outcome.seconds for outcome in outcomes["python alone"])
     parts = {"start Python": python} | {name: statistics.median(step[name] for step in steps) for name in steps[0]}
     table(["step", "milliseconds"], [[name, 1000 * seconds] for name, seconds in parts.items()])

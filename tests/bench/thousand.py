@@ -1,4 +1,4 @@
-"""What renders leave behind in one process: ``PYTHONPATH=. python tests/bench/thousand.py [--renders N]``."""
+"""Check what many renders leave behind: ``PYTHONPATH=. python tests/bench/thousand.py [--renders N]``."""
 
 import ctypes
 import gc

@@ -1,4 +1,4 @@
-"""Meshes to trace, and the rays that pictures of them ask for."""
+"""Meshes, and the rays that an image of each needs."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from harness import ROOT
 import raytrace as rt
 
 SIDE = 1024  # camera rays along each side of the film
-BLOCK = 4  # pixels: side of the blocks that one packet of 16 rays covers
+BLOCK = 4  # pixels: side of a block, which is one packet of 16 rays
 
 
 class Mesh(NamedTuple):
@@ -27,7 +27,7 @@ class RaySet(NamedTuple):
     """Rays o + t d for t in (0, tmax)."""
 
     name: str
-    any_hit: bool  # ask whether they hit, not what
+    any_hit: bool  # whether they hit anything, instead of the closest hit
     o: np.ndarray  # (n, 3) f4
     d: np.ndarray  # (n, 3) f4; the light is at t = 1 of shadow rays
     tmax: float
@@ -39,7 +39,7 @@ def box() -> Mesh:
 
 
 def sphere() -> Mesh:
-    """The displaced sphere of scenes/bumpy.json: the object with most triangles."""
+    """Return the displaced sphere of scenes/bumpy.json: its object with the most triangles."""
     mesh = rt.load(ROOT / "scenes/bumpy.json").mesh
     faces = mesh.faces[mesh.object_id == np.bincount(mesh.object_id).argmax()]
     used, faces = np.unique(faces, return_inverse=True)
@@ -49,14 +49,14 @@ def sphere() -> Mesh:
 
 
 def soup(count: int = 1_000_000) -> Mesh:
-    """Random small triangles, edges of about 0.02, in a cube of side 2."""
+    """Return random small triangles, with edges of about 0.02, in a cube of side 2."""
     rng = np.random.default_rng(1)
     corners = rng.uniform(-1, 1, (count, 1, 3)) + rng.normal(0, 0.01, (count, 3, 3))
     return _separate("soup", corners)
 
 
 def slivers(count: int = 20_000) -> Mesh:
-    """Random triangles 0.2 long and 0.001 wide, in every direction."""
+    """Return random triangles, 0.2 long and 0.001 wide, in every direction."""
     rng = np.random.default_rng(2)
     centre, along, across = rng.uniform(-1, 1, (count, 3)), *rng.normal(0, 1, (2, count, 3))
     along *= 0.1 / np.linalg.norm(along, axis=1, keepdims=True)
@@ -78,7 +78,7 @@ def _mesh(name: str, vertices: np.ndarray, faces: np.ndarray, eye: tuple, slope:
 
 
 def ray_sets(mesh: Mesh) -> list[RaySet]:
-    """Camera rays, shadow rays of their hits, both row by row and in blocks of 4 x 4 pixels, and diffuse bounces."""
+    """Return camera rays and shadow rays of their hits, in rows and in blocks of 4 x 4 pixels, and diffuse bounces."""
     bvh = rt.BVH(mesh.vertices, mesh.faces)
     sets = []
     for order, pixels in (("rows", np.arange(SIDE**2)), ("blocks", _blocks())):
@@ -95,7 +95,7 @@ def ray_sets(mesh: Mesh) -> list[RaySet]:
 
 
 def _blocks() -> np.ndarray:
-    """Pixel numbers, block after block."""
+    """Return the numbers of the pixels, block after block."""
     y, x = np.mgrid[0:SIDE, 0:SIDE]
     key = ((y // BLOCK * (SIDE // BLOCK) + x // BLOCK) * BLOCK + y % BLOCK) * BLOCK + x % BLOCK
     return np.argsort(key.ravel())
@@ -109,7 +109,10 @@ def _camera(mesh: Mesh, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _landed(mesh: Mesh, bvh: rt.BVH, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where rays landed, lifted off by more than any tracer's rounding, and the normal there on the viewer's side."""
+    """Return hit points and normals that face the viewer.
+
+    The points are offset along the normal by more than the rounding error of any tracer.
+    """
     hits = bvh.closest_hit(o, d)
     hit = hits.prim_id >= 0
     surface = bvh.surface(hits)
