@@ -41,6 +41,6 @@ nb_merge_streams = True
 # --- the public names -------------------------------------------------------------------------------------------------
 
 nitpicky = True
-autodoc_typehints = "none"  # numpydoc sections tell them, with shapes and units
+autodoc_typehints = "none"  # numpydoc sections state them, with shapes and units
 autodoc_member_order = "bysource"
 numpydoc_show_class_members = False

@@ -7,7 +7,7 @@ name is imported on first use, so that ``import raytrace`` is quick.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0.dev0"
 
 if TYPE_CHECKING:
     from raytrace import show, textbook

@@ -1,5 +1,6 @@
 """The documents: complete, and true where a reader would copy from them. Sphinx checks their links (.ci/run)."""
 
+import ast
 import json
 import re
 import shutil
@@ -51,9 +52,61 @@ def test_every_cited_source_is_listed(name):
 
 def test_links_of_the_readme_lead_somewhere():
     text = (ROOT / "README.md").read_text("utf-8")
-    links = [link for link in re.findall(r"\]\(([^)#]+)", text) if "://" not in link]
+    links = [link for link in re.findall(r"(?:\]\(|src=\")([^)#\"]+)", text) if "://" not in link]
     assert len(links) > 5
     assert not [link for link in links if not (ROOT / link).exists()]
+
+
+def test_the_readme_is_short_and_its_python_works(tmp_path):
+    text = (ROOT / "README.md").read_text("utf-8")
+    assert text.count("\n") <= 120
+    (program,) = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    small = program.replace("spp=64", "spp=1, size=(32, 24)").replace("scenes/", f"{ROOT.as_posix()}/scenes/")
+    assert small.count("size=") == 1
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", f"import sys; sys.path.insert(0, {str(ROOT)!r})\n{small}print(hits.t)"],
+        capture_output=True,
+        text=True,
+        timeout=600,
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "room.png").stat().st_size > 0
+    assert "inf" not in done.stdout
+
+
+TOTALS = re.compile(
+    r"^\| (Open3D|embreex|Mitsuba|Mitsuba, robust) \([\d.a-z]+\) +\| +\d+ \| +(\d+) \| +(\d+) \|", re.MULTILINE
+)
+
+
+@pytest.mark.parametrize("name", ["README.md", "docs/accuracy.md"])
+def test_pages_quote_the_totals_of_the_hard_cases_as_they_were_measured(name):
+    text = (ROOT / name).read_text("utf-8")
+    totals = TOTALS.findall(page("numerics.md"))
+    assert len(totals) == 2 * 4
+    assert not [(tracer, wrong, leaks) for tracer, wrong, leaks in totals if f"{wrong} / {leaks}" not in text]
+
+
+def test_the_textbook_page_names_functions_that_exist():
+    table = [line for line in page("textbook.md").splitlines() if re.match(r"\| .* \| `textbook/", line)]
+    assert len(table) == 10  # steps of the course
+    for line in table:
+        for file, names in re.findall(r"`([\w/]+\.py)`: ((?:`[\w.]+`(?:, )?)+)", line):
+            tree = ast.parse((ROOT / "raytrace" / file).read_text("utf-8"))
+            defined = {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+            assert set(re.findall(r"\w+", names)) <= defined, file
+
+
+def test_the_glossary_names_classes_and_files_that_exist():
+    package = ROOT / "raytrace"
+    text = "".join(path.read_text("utf-8") for path in package.rglob("*.py"))
+    terms = [line.split("|")[1:-1] for line in page("glossary.md").splitlines() if line.startswith("| ")][1:]
+    assert len(terms) > 20
+    assert [term for term, *_ in terms] == sorted(term for term, *_ in terms)
+    for *_, where in terms:
+        (name,) = re.findall(r"`(.*)`", where)
+        assert f"class {name}(" in text or f"class {name}:" in text or (package / name).exists(), name
 
 
 BOX = 34  # triangles of scenes/cornell-box.json
@@ -126,6 +179,17 @@ def test_meshes_of_other_packages_as_start_shows_them(capsys):
     (program,) = blocks("start.md", "mesh")
     exec(program, {})
     assert capsys.readouterr().out == "[4.5]\n12\n"
+
+
+def test_rays_only_as_start_shows_them(capsys, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    (program,) = blocks("start.md", "rays")
+    told = re.search(r"^print.*# (.*)$", program, re.MULTILINE)[1]
+    space = {}
+    exec(program, space)
+    assert [round(float(word), 3) for word in capsys.readouterr().out.split()] == [float(word) for word in told.split()]
+    in_rows = space["bvh"].closest_hit([0, 0, 4], space["directions"])
+    assert (space["t"] == in_rows.t).all()
 
 
 def test_what_live_shows_works():

@@ -1,6 +1,7 @@
 """The public face: which names there are, and what they cost."""
 
 import inspect
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -159,8 +160,10 @@ def test_an_unknown_name_is_an_attribute_error():
         _ = rt.rendr
 
 
-def test_the_version_is_a_release():
-    assert [part.isdigit() for part in rt.__version__.split(".")] == [True] * 3
+def test_the_version_is_a_release_or_the_development_of_one():
+    assert re.fullmatch(r"\d+\.\d+\.\d+(\.dev\d+)?", rt.__version__)  # PEP 440
+    assert f"\nversion: {rt.__version__}\n" in (ROOT / "CITATION.cff").read_text("utf-8")
+    assert f"{{{rt.__version__}}}" in (ROOT / "docs" / "cite.md").read_text("utf-8")
 
 
 def test_the_architecture_names_every_module():

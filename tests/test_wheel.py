@@ -73,9 +73,12 @@ def test_the_description_has_no_link_into_the_folder(wheel):
     links = re.findall(r"\]\(([^)]*)\)", text) + re.findall(r"(?:src|href)=\"([^\"]*)", text)
     assert [link for link in links if not link.startswith("https://")] == []
     assert "![" not in text
-    assert re.findall(r"^\|", text, re.MULTILINE) == []  # nothing of the tables of images is left
+    readme = (ROOT / "README.md").read_text("utf-8")
+    assert (
+        len(re.findall(r"^\|", text, re.MULTILINE)) == len(re.findall(r"^\|", readme, re.MULTILINE)) > 0
+    )  # whole tables
     assert "docs/start.md: from nothing to a scene" in text
-    for heading in re.findall(r"^## .*", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE):
+    for heading in re.findall(r"^## .*", readme, re.MULTILINE):
         assert heading in text
 
 
