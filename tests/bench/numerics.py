@@ -13,9 +13,9 @@ from mpmath import mpf
 
 import raytrace as rt
 from raytrace.passes.light import SPAN
-from raytrace.passes.surface import ROUNDINGS
 
 PRECISIONS = "float32", "float64"
+ROUNDINGS = 3  # of gamma(3), in the bounds of points and lights
 SHARES = np.arange(1, 13) / 12  # of gamma(3): a quarter of a rounding each
 PLACES = (0.0, 1.0), (0.0, 1e-6), (0.0, 1e6), (1.0, 1e-3), (1e2, 1.0), (1e4, 1.0)  # shift and size, world units
 STEEP = 1e-3  # shadow rays are judged if they are steeper to the plane,
