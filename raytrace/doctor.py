@@ -13,7 +13,7 @@ import raytrace
 from raytrace import cores
 from raytrace.errors import FileError
 
-REQUIRED = ("numpy", "numba", "llvmlite", "pydantic", "pillow", "platformdirs", "rich")
+REQUIRED = ("numpy", "numba", "llvmlite", "pillow", "platformdirs", "rich")
 OPTIONAL = {"OpenEXR": "EXR files", "scikit-image": "compare, report", "matplotlib": "report, rt.show"}  # what for
 
 

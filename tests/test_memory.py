@@ -18,7 +18,7 @@ from raytrace.cli import main
 from raytrace.errors import FileError, OptionError
 from raytrace.jit import PLAIN
 from raytrace.memory import Allowance, Drawing, Trees, check_drawing, free, resident
-from raytrace.scene import make
+from raytrace.scene import assemble
 from scene_files import scene, triangle_glb, write
 
 ROOT = Path(__file__).parents[1]
@@ -199,15 +199,15 @@ def test_words_of_a_text_count(tmp_path):
 def test_objects_are_refused_before_they_are_placed(tmp_path, monkeypatch):
     path = write(tmp_path, scene(objects=[{"mesh": "cube.obj", "material": "white"}] * 200))
     placed = []
-    real = make.place
-    monkeypatch.setattr(make, "place", lambda *args: placed.append(1) or real(*args))
-    monkeypatch.setattr(make, "MAX_TRIANGLES", 1000)
+    real = assemble.place
+    monkeypatch.setattr(assemble, "place", lambda *args: placed.append(1) or real(*args))
+    monkeypatch.setattr(assemble, "MAX_TRIANGLES", 1000)
     with pytest.raises(
         FileError, match=r"objects\[83\]\.mesh: with this object there are 1,008 triangles; at most 1,000"
     ):
         rt.load(path)
     assert len(placed) == 83
-    monkeypatch.setattr(make, "MAX_TRIANGLES", 10**9)
+    monkeypatch.setattr(assemble, "MAX_TRIANGLES", 10**9)
     with pytest.raises(FileError, match=r"the scene, of \d+ triangles with this object, takes about 0 MiB"):
         rt.load(path, max_memory=50_000)
 

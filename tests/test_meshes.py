@@ -15,7 +15,8 @@ from raytrace.scene.meshes import reading
 from raytrace.scene.meshes.obj import read_obj
 from raytrace.scene.meshes.raw_mesh import concatenate, transform
 from raytrace.scene.meshes.reading import read_mesh
-from raytrace.scene.place import averaged_normals, face_normals, rotation
+from raytrace.scene.normals import averaged_normals, face_normals
+from raytrace.scene.transforms import rotation
 from scene_files import CUBE, TRIANGLE, scene, triangle_glb, write
 
 PLY = """ply

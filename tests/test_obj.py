@@ -149,7 +149,7 @@ def test_wrong_normals_are_an_error_where_they_are_used(tmp_path, end):
     with pytest.raises(SceneError) as caught:
         loaded(tmp_path, POINTS + end, "smooth")
     (line,) = caught.value.problems
-    assert line.endswith(f'a.obj{WRONG[end]}; mend the normals, or use "normals": "flat"')
+    assert line.endswith(f'a.obj{WRONG[end]}; correct the normals, or use "normals": "flat"')
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from raytrace.scene.meshes import polygons
 from raytrace.scene.meshes.obj import ObjError, read_obj
 from raytrace.scene.meshes.ply import read_ply
 from raytrace.scene.meshes.polygons import PolygonError, fan, triangulate
-from raytrace.scene.place import rotation
+from raytrace.scene.transforms import rotation
 
 CHEVRON = [[0, 0, 0], [2, 1, 0], [0, 2, 0], [1, 1, 0]]  # area 1
 L_SHAPE = [[0, 0, 0], [2, 0, 0], [2, 1, 0], [1, 1, 0], [1, 2, 0], [0, 2, 0]]  # area 3

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from raytrace.scene.comments import without_comments
 from raytrace.scene.positions import Positions, doubtful, find, show, too_deep
 
 TEXT = """{
@@ -127,3 +128,46 @@ def test_paths_are_written_the_way_people_do():
     assert show(("line\nbreak",)) == '["line\\nbreak"]'
     assert len(show(("k" * 10**6,))) == 200
     assert len(show((" k" * 10**6,) * 1000)) < 500
+
+
+# Comments -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "bare"),
+    [
+        ('{"a": 1}', '{"a": 1}'),
+        ('{"a": 1} // b', '{"a": 1}     '),
+        ('// "\n{"a": 1}', '    \n{"a": 1}'),
+        ('{/* " */"a":/**/1}', '{       "a":    1}'),
+        ("[1/* /* */,2]", "[1        ,2]"),
+        ("[1, // a */ b\r\n2] /* c\nd */", "[1,          \r\n2]     \n    "),
+        ('["//", "/*", "*/", "\\"//", 1]', '["//", "/*", "*/", "\\"//", 1]'),
+        ('["\\\\"] // b', '["\\\\"]     '),
+        ('{"a": "http://b/*"}/**/', '{"a": "http://b/*"}    '),
+        ("[1, /*/ 2 */ 3]", "[1,          3]"),
+        ("[1, / 2]//", "[1, / 2]  "),
+        ('["// no end', '["// no end'),
+    ],
+)
+def test_comments_become_blanks_and_strings_stay(text, bare):
+    assert without_comments(text) == (bare, -1)
+    assert len(bare) == len(text)
+
+
+@pytest.mark.parametrize(("text", "offset"), [("[1] /* a", 4), ("/*", 0), ("/*/", 0), ("[/* a */ /*\n* /", 9)])
+def test_a_comment_without_an_end_is_found(text, offset):
+    assert without_comments(text).unclosed == offset
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_any_text_means_the_same_with_comments(seed):
+    rng = np.random.default_rng(seed)
+    text = json.dumps({"root": [random_json(rng, 5), "/* // */", "//"]}, indent=2)
+    lines = [
+        f"{line} // {line}" if rng.integers(2) else f"/*{line.replace('*/', '')}\n*/{line}" for line in text.split("\n")
+    ]
+    commented = "\n".join(lines)
+    bare = without_comments(commented).text
+    assert json.loads(bare) == json.loads(text)
+    assert [len(line) for line in bare.split("\n")] == [len(line) for line in commented.split("\n")]

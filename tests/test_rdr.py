@@ -29,6 +29,7 @@ DIALECT = {
     "objects": [
         {"type": "mesh", "path": "triangle.obj", "material_name": "grey_diffuse"},
         {"type": "mesh", "path": "triangle.obj", "material_name": "water", "translate": [1, 2, 3], "scale": 2},
+        {"type": "sphere", "center": [0, 1, 0], "radius": 0.5, "material_name": "water"},
     ],
 }
 NATIVE = {
@@ -43,6 +44,7 @@ NATIVE = {
     "objects": [
         {"mesh": "triangle.obj", "material": "grey_diffuse"},
         {"mesh": "triangle.obj", "material": "water", "translate": [1, 2, 3], "scale": 2},
+        {"sphere": {"center": [0, 1, 0], "radius": 0.5}, "material": "water"},
     ],
 }
 
@@ -120,7 +122,16 @@ WRONG = [
         'materials.grey_diffuse.texture_name: unknown texture "gray"',
     ),
     (("materials", "grey_diffuse", "texture_name"), ..., 'materials.grey_diffuse: missing key "texture_name"'),
-    (("objects", 0, "type"), "sphere", 'objects[0].type: object "sphere" is not supported (supported: mesh)'),
+    (("objects", 0, "type"), "cone", 'objects[0].type: object "cone" is not supported (supported: mesh, sphere)'),
+    (
+        ("objects", 0, "type"),
+        ["mesh"],
+        "objects[0].type: object a list of 1 is not supported (supported: mesh, sphere)",
+    ),
+    (("objects", 2, "radius"), 0, "objects[2].radius: expected a number > 0, got 0"),
+    (("objects", 2, "center"), [1, 2], "objects[2].center: expected a list of 3 numbers, got a list of 2"),
+    (("objects", 2, "radius"), ..., 'objects[2]: missing key "radius"'),
+    (("objects", 2, "path"), "a.obj", 'objects[2].path: unknown key "path" (known: '),
     (("objects", 0, "path"), 5, "objects[0].path: expected a string, got 5"),
     (("objects", 0, "path"), "none.obj", "objects[0].path: "),
     (("objects", 0, "path"), ..., 'objects[0]: missing key "path"'),

@@ -6,8 +6,8 @@ import pytest
 from raytrace.errors import SceneError
 from raytrace.records import RawMesh
 from raytrace.scene.load import load
+from raytrace.scene.meshes.raw_mesh import quiet_unused
 from raytrace.scene.precision import choose_precision
-from raytrace.scene.rawmesh import quiet_unused
 from scene_files import glb, scene
 
 pytestmark = pytest.mark.nojit

@@ -19,7 +19,6 @@ from raytrace.errors import RaytraceError, printable, without_scene_warnings
 DONE, INTERNAL, USAGE, FILE, DIFFERENT = 0, 1, 2, 4, 5  # 3, an invalid scene, is SceneError.exit_code
 QUICK = {  # what the program has no use for, and need not wait for
     "OPENBLAS_NUM_THREADS": "1",  # NumPy would start threads for large matrices: 0.07 s of CPU
-    "PYDANTIC_DISABLE_PLUGINS": "__all__",  # pydantic would look for them among all packages: 0.01 s and more
 }
 EXAMPLES = """\
 examples:

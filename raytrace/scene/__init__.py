@@ -1,10 +1,10 @@
-"""From a scene file to arrays: the format, its errors, its meshes."""
+"""Scene files to arrays: the format, its errors, its meshes."""
 
 from pkgutil import get_data
 
 
 def schema_text() -> str:
-    """Return the JSON Schema of the scene format as shipped, without importing pydantic.
+    """Return the JSON Schema that defines the scene format.
 
     Examples
     --------

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from raytrace.scene.positions import Path
 from raytrace.scene.problems import HINTED, MOST, Problem, unknown_name
 
 if TYPE_CHECKING:
@@ -59,6 +60,15 @@ def _check_camera(camera: Any) -> Iterator[Problem]:
             yield Problem(("camera", "up") if "up" in camera else ("camera",), text)
 
 
+def _check_rotations(path: Path, rotate: Any) -> Iterator[Problem]:
+    several = isinstance(rotate, list)
+    for k, rotation in enumerate(rotate if several else [rotate]):
+        axis = _vector(rotation, "axis")
+        if axis is not None and not any(axis):
+            where = (*path, k, "axis") if several else (*path, "axis")
+            yield Problem(where, "the axis has no direction; expected a vector other than 0")
+
+
 def check(data: dict[str, Any]) -> list[Problem]:
     """Find what the keys of a scene disagree on.
 
@@ -81,10 +91,8 @@ def check(data: dict[str, Any]) -> list[Problem]:
         name = entry.get("material") if isinstance(entry, dict) else None
         if isinstance(name, str) and isinstance(materials, dict) and name not in materials:
             problems.append(Problem(("objects", i, "material"), unknown_name("material", name, materials, hint)))
-        axis = _vector(entry.get("rotate"), "axis") if isinstance(entry, dict) else None
-        if axis is not None and not any(axis):
-            text = "the axis has no direction; expected a vector other than 0"
-            problems.append(Problem(("objects", i, "rotate", "axis"), text))
+        if isinstance(entry, dict):
+            problems += _check_rotations(("objects", i, "rotate"), entry.get("rotate"))
     return problems
 
 

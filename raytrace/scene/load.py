@@ -1,6 +1,6 @@
-"""A scene file, or a dict, to a checked ``Scene``; all that is wrong with it is told at once.
+"""Loads a scene file, or a dict, as a checked ``Scene``; reports all its problems together.
 
-Neither NumPy nor pydantic is imported before a scene needs it: a mistake is answered at once.
+NumPy is not imported before the scene is valid, so that a mistake is reported quickly.
 """
 
 from collections.abc import Mapping
@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from raytrace.errors import FileError, SceneError
 from raytrace.scene import checks, positions, rdr
-from raytrace.scene.conform import conform
 from raytrace.scene.files import Reach, check_root, locate
-from raytrace.scene.problems import MOST, Problem, mesh_problem
+from raytrace.scene.format import read_format
+from raytrace.scene.problems import MOST, Problem, shape_problem
 from raytrace.scene.text import from_dict, read_file
 
 if TYPE_CHECKING:
@@ -24,13 +24,13 @@ def load(source: str | Path | dict[str, Any], root: str | Path | None = None, ma
     Parameters
     ----------
     source : str, pathlib.Path or dict
-        A scene file, or its content; mesh paths of a dict are relative to the current folder. In a dict a mesh may
-        also be an object with ``vertices`` and ``faces``, such as a ``trimesh.Trimesh``, or a pair of arrays of these.
+        A scene file, or its content. Mesh paths of a dict are relative to the current folder. In a dict, a mesh may
+        also be an object with ``vertices`` and ``faces``, such as a ``trimesh.Trimesh``, or a pair of such arrays.
     root : str or pathlib.Path, optional
-        A folder whose files the scene may read too. Without it, it reads files below its own folder (of a dict: the
-        current one), and those that a dict names by a ``pathlib.Path``.
+        One more folder whose files the scene may read. It may always read files below its own folder (for a dict: the
+        current folder), and files that a dict names by a ``pathlib.Path``.
     max_memory : int, bytes, optional
-        What the process may take in all; a scene that takes more is refused. Default: what is free.
+        Memory that the process may use in total; a scene that needs more is refused. Default: the free memory.
 
     Returns
     -------
@@ -39,9 +39,9 @@ def load(source: str | Path | dict[str, Any], root: str | Path | None = None, ma
     Raises
     ------
     SceneError
-        The scene or a mesh has wrong content, or a mesh lies elsewhere; a line for each problem.
+        The scene or a mesh has wrong content, or a mesh lies outside the allowed folders; one line per problem.
     FileError
-        The scene can't be read; or it is right, but a mesh can't be read, or they take too much memory.
+        The scene can't be read; or it is valid, but a mesh can't be read, or the meshes need too much memory.
 
     Examples
     --------
@@ -72,34 +72,19 @@ def load(source: str | Path | dict[str, Any], root: str | Path | None = None, ma
         data, origins, problems = rdr.translate(data)
         if len(problems) > MOST:  # the translation is not whole
             raise text.error(problems, origins)
-    scene, found = _validate(data)
-    if problems:  # the translator told already what lacks
+    scene, found = read_format(data)
+    if problems:  # the translation has already reported missing keys
         found = [problem for problem in found if not problem.text.startswith("missing key")]
     problems += found + checks.check(data)
     if scene is None or problems:
         raise text.error(problems + _missing_meshes(data, reach, text.meshes), origins)
-    from raytrace.scene.make import make_scene
+    from raytrace.scene.assemble import assemble
 
-    return make_scene(scene, data, path, text, origins, reach)
-
-
-def _validate(data: dict[str, Any]) -> tuple[Any, list[Problem]]:
-    valid = conform(data)
-    if valid:
-        return valid, []
-    from pydantic import ValidationError
-
-    from raytrace.scene.messages import tell
-    from raytrace.scene.schema import SceneFile
-
-    try:
-        return SceneFile.model_validate(data), []
-    except ValidationError as error:
-        return None, tell(error, data)
+    return assemble(scene, data, path, text, origins, reach)
 
 
 def _missing_meshes(data: dict[str, Any], reach: Reach, given: Mapping[str, Any]) -> list[Problem]:
-    """Look whether the mesh files are there, for a scene that has other problems."""
+    """Find mesh files that do not exist, for a scene that has other problems."""
     objects = data.get("objects")
     problems = list[Problem]()
     located: set[str] = set()
@@ -112,5 +97,5 @@ def _missing_meshes(data: dict[str, Any], reach: Reach, given: Mapping[str, Any]
             try:
                 locate(reach.find(mesh))
             except (SceneError, FileError) as error:
-                problems.append(mesh_problem(i, error))
+                problems.append(shape_problem(i, "mesh", error))
     return problems

@@ -30,10 +30,10 @@ class Problem(NamedTuple):
     lacks_memory: bool = False  # whether that is for lack of memory
 
 
-def mesh_problem(index: int, error: SceneError | FileError) -> Problem:
-    """What is wrong with the mesh file of an object."""
+def shape_problem(index: int, key: str, error: SceneError | FileError) -> Problem:
+    """Return what is wrong with the shape of an object; key: mesh, sphere, rectangle or box."""
     memory = isinstance(error, FileMemoryError)
-    return Problem(("objects", index, "mesh"), str(error), unreadable=isinstance(error, FileError), lacks_memory=memory)
+    return Problem(("objects", index, key), str(error), unreadable=isinstance(error, FileError), lacks_memory=memory)
 
 
 def quote(value: Any) -> str:
@@ -108,14 +108,7 @@ def unknown_key(key: str, known: Collection[str]) -> str:
     >>> unknown_key("colour", ["type", "albedo"])
     'unknown key "colour" (known: type, albedo)'
     """
-    return f"unknown key {quote(key)}" + (_hint(key, known) or f" (known: {listed(known)})")
-
-
-def at(data: Any, path: Path) -> Any:
-    """Return what stands at a path that exists."""
-    for step in path:
-        data = data[step]
-    return data
+    return f"unknown key {quote(key)}" + (_hint(key, known) or f" (known: {listed(known) or 'none'})")
 
 
 def no_such_file(path: FilePath) -> str:

@@ -1,7 +1,7 @@
-"""The course dialect, translated to the scene format.
+"""Translates scenes of the course dialect to the scene format.
 
-The dialect's scenes name an ``integrator``, ``textures`` and materials by ``material_name``. What it holds that the
-format can't say is a problem that names it. The meshes' own normals (``vn``) are not used: in the shipped scenes they
+A scene of the dialect has an ``integrator``, ``textures``, or objects with ``material_name``. Whatever the scene format
+cannot express is reported by its name. The normals of the meshes (``vn``) are not used: in the shipped scenes they
 agree with the winding of the triangles, half of the meshes have none, and flat shading is right for both.
 """
 
@@ -9,13 +9,13 @@ import contextlib
 from typing import Any
 
 from raytrace.scene.positions import Path
-from raytrace.scene.problems import HINTED, MOST, Problem, quote, unknown_key, unknown_name
+from raytrace.scene.problems import HINTED, MOST, Problem, listed, quote, unknown_key, unknown_name
 
 Json = dict[str, Any]
 
 
 def is_dialect(data: Json) -> bool:
-    """Tell whether a scene is written in the course dialect.
+    """Return whether a scene is written in the course dialect.
 
     Examples
     --------
@@ -29,11 +29,11 @@ def is_dialect(data: Json) -> bool:
 
 
 class _EnoughError(Exception):
-    """More problems than are told."""
+    """There are more problems than are reported."""
 
 
 class _Translation:
-    """A scene in the making: the translated form, where each part of it came from, and what could not be said."""
+    """A translation in progress: the translated scene, the origin of each of its parts, and the problems."""
 
     def __init__(self, data: Json) -> None:
         self.data = data
@@ -41,26 +41,26 @@ class _Translation:
         self.origins: dict[Path, Path] = {}
         self.problems: list[Problem] = []
 
-    def blame(self, path: Path, text: str, at_key: bool = False) -> None:
+    def report(self, path: Path, text: str, at_key: bool = False) -> None:
         self.problems.append(Problem(path, text, at_key))
         if len(self.problems) > MOST:
             raise _EnoughError
 
     def section(self, path: Path, value: Any, required: tuple[str, ...], optional: tuple[str, ...] = ()) -> Json:
-        """Return an object of the dialect after a look at its keys; where it is none, an empty one."""
+        """Return an object of the dialect, with its keys checked; an empty one if the value is not an object."""
         if not isinstance(value, dict):
-            self.blame(path, f"expected an object, got {quote(value)}")
+            self.report(path, f"expected an object, got {quote(value)}")
             return {}
         for key in value:
             if key not in required + optional:
-                self.blame((*path, key), unknown_key(key, required + optional), at_key=True)
+                self.report((*path, key), unknown_key(key, required + optional), at_key=True)
         for key in required:
             if key not in value:
-                self.blame(path, f'missing key "{key}"')
+                self.report(path, f'missing key "{key}"')
         return value
 
     def copy(self, source: Path, target: Path, keys: dict[str, str]) -> Json:
-        """Return those of the keys that stand in an object of the dialect, renamed, with their origins noted."""
+        """Return the given keys of an object of the dialect, renamed, and record their origins."""
         found: Any = self.data
         for step in source:
             found = found[step]
@@ -84,9 +84,9 @@ def translate(data: Json) -> tuple[Json, dict[Path, Path], list[Problem]]:
     scene : dict
         In the keys of the scene format; not yet validated.
     origins : dict
-        Path in the translated scene -> path in the dialect's, for the parts that moved.
+        Path in the translated scene -> path in the original, for the parts that moved.
     problems : list of Problem
-        What the format can't say, and keys that lack, at paths of the dialect.
+        What the format cannot express, and missing keys, at paths of the dialect.
     """
     t = _Translation(data)
     with contextlib.suppress(_EnoughError):
@@ -114,7 +114,7 @@ def _integrator(t: _Translation, integrator: Any) -> None:
     here = ("integrator",)
     kind = integrator.get("type") if isinstance(integrator, dict) else None
     if kind is not None and kind != "intersection_test":
-        t.blame((*here, "type"), f"integrator {quote(kind)} is not supported (supported: intersection_test)")
+        t.report((*here, "type"), f"integrator {quote(kind)} is not supported (supported: intersection_test)")
         return
     light = ("point_light_position", "point_light_flux")
     t.section(here, integrator, ("type", *light), ("max_depth", "spp"))
@@ -126,15 +126,15 @@ def _integrator(t: _Translation, integrator: Any) -> None:
 
 def _materials(t: _Translation, materials: Any, textures: Any) -> Json:
     if not isinstance(materials, dict):
-        t.blame(("materials",), f"expected an object, got {quote(materials)}")
+        t.report(("materials",), f"expected an object, got {quote(materials)}")
         return {}
     if not isinstance(textures, dict):
-        t.blame(("textures",), f"expected an object, got {quote(textures)}")
+        t.report(("textures",), f"expected an object, got {quote(textures)}")
         textures = {}
     for name, texture in textures.items():
         kind = texture.get("type") if isinstance(texture, dict) else None
         if kind is not None and kind != "constant":
-            t.blame(("textures", name, "type"), f"texture {quote(kind)} is not supported (supported: constant)")
+            t.report(("textures", name, "type"), f"texture {quote(kind)} is not supported (supported: constant)")
         else:
             t.section(("textures", name), texture, ("type", "color"))
     return {name: _material(t, name, entry, textures) for name, entry in materials.items()}
@@ -143,12 +143,12 @@ def _materials(t: _Translation, materials: Any, textures: Any) -> Json:
 def _material(t: _Translation, name: str, entry: Any, textures: Json) -> Json:
     here = ("materials", name)
     kind = entry.get("type") if isinstance(entry, dict) else None
-    stand_in = {"type": "diffuse", "albedo": [0, 0, 0]}  # so that a problem here is not told again elsewhere
+    stand_in = {"type": "diffuse", "albedo": [0, 0, 0]}  # so that one problem is not reported twice
     if kind == "diffuse":
         t.section(here, entry, ("type", "texture_name"))
         texture = entry.get("texture_name")
         if texture is not None and (not isinstance(texture, str) or texture not in textures):
-            t.blame((*here, "texture_name"), unknown_name("texture", texture, textures, len(t.problems) < HINTED))
+            t.report((*here, "texture_name"), unknown_name("texture", texture, textures, len(t.problems) < HINTED))
         elif texture is not None:
             moved = t.copy(("textures", texture), here, {"color": "albedo"})
             return {"type": "diffuse", **moved} if moved else stand_in
@@ -158,13 +158,16 @@ def _material(t: _Translation, name: str, entry: Any, textures: Json) -> Json:
         if type(eta) in (int, float) and 1e-300 < eta < 1e300:
             t.origins[*here, "ior"] = (*here, "eta")
             return {"type": "refractive", "ior": 1 / eta}
-        t.blame((*here, "eta"), f"expected a number > 0, got {quote(eta)}")
+        t.report((*here, "eta"), f"expected a number > 0, got {quote(eta)}")
     elif kind is None:
         t.section(here, entry, ("type",), tuple(entry) if isinstance(entry, dict) else ())
     else:
         text = f"material {quote(kind)} is not supported (supported: diffuse, refraction)"
-        t.blame((*here, "type"), text)
+        t.report((*here, "type"), text)
     return stand_in
+
+
+SHAPES = {"mesh": ("path",), "sphere": ("center", "radius")}  # type of an object -> keys that it must have
 
 
 def _objects(t: _Translation, objects: Any) -> Any:
@@ -175,9 +178,14 @@ def _objects(t: _Translation, objects: Any) -> Any:
     for i, entry in enumerate(objects):
         here = ("objects", i)
         kind = entry.get("type") if isinstance(entry, dict) else None
-        if kind is not None and kind != "mesh":
-            t.blame((*here, "type"), f"object {quote(kind)} is not supported (supported: mesh)")
+        if kind is not None and (not isinstance(kind, str) or kind not in SHAPES):
+            t.report((*here, "type"), f"object {quote(kind)} is not supported (supported: {listed(SHAPES)})")
         else:
-            t.section(here, entry, ("type", "path", "material_name"), ("translate", "scale"))
-        translated.append(t.copy(here, here, keys))
+            t.section(here, entry, ("type", *SHAPES[kind or "mesh"], "material_name"), ("translate", "scale"))
+        moved = t.copy(here, here, keys)
+        if kind == "sphere":
+            moved.pop("mesh", None)
+            t.origins[*here, "sphere"] = here
+            moved["sphere"] = t.copy(here, (*here, "sphere"), {"center": "center", "radius": "radius"})
+        translated.append(moved)
     return translated

@@ -1,12 +1,16 @@
-"""Rules of the scene format about one value that JSON Schema has no words for."""
+"""Rules about single values of the scene format that JSON Schema cannot express."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from raytrace.limits import MAX_PIXELS, MAX_SIDE
 
+Row = tuple[float, float, float, float]
+Factors = tuple[float, float, float]
+
 
 def check_film(size: tuple[int, int]) -> tuple[int, int]:
-    """Refuse a film that is too large."""
+    """Return the size of a film, or refuse one that is too large."""
     width, height = size
     if max(size) > MAX_SIDE or width * height > MAX_PIXELS:
         limits = f"a side has at most {MAX_SIDE} pixels and a film at most {MAX_PIXELS}"
@@ -14,14 +18,41 @@ def check_film(size: tuple[int, int]) -> tuple[int, int]:
     return size
 
 
-def spread_number(scale: Any) -> Any:
-    """Take one number for all three axes."""
-    number = isinstance(scale, int | float) and not isinstance(scale, bool)
-    return (scale, scale, scale) if number else scale
-
-
-def check_scale(scale: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Refuse a scale that leaves no surface."""
-    if 0 in scale:
+def scale_factors(scale: float | Factors) -> Factors:
+    """Return the factors of the three axes, also where one number stands for all; refuse 0."""
+    factors = scale if isinstance(scale, tuple) else (scale, scale, scale)
+    if 0 in factors:
         raise ValueError("a scale of 0 leaves no surface; use a number other than 0 for each axis")
-    return scale
+    return factors
+
+
+def list_rotations(rotate: Any) -> list[Any]:
+    """Return the rotations of an object as a list: empty for none, of one entry where one stands alone."""
+    if rotate is None:
+        return []
+    return rotate if isinstance(rotate, list) else [rotate]
+
+
+def check_matrix(matrix: tuple[Row, Row, Row, Row]) -> tuple[Row, Row, Row, Row]:
+    """Return a matrix, or refuse one that is not affine or has no inverse."""
+    if matrix[3] != (0, 0, 0, 1):
+        raise ValueError("expected 0, 0, 0, 1 in the last row; a translation stands in the last column")
+    if determinant_sign(matrix[:3]) == 0:
+        raise ValueError("the determinant of the matrix is 0, which leaves no volume; use a matrix with an inverse")
+    return matrix
+
+
+def determinant_sign(rows: Sequence[Sequence[float]]) -> int:
+    """Return the exact sign, -1, 0 or 1, of the determinant of the first three columns of three rows.
+
+    Examples
+    --------
+    >>> determinant_sign([[1e-200, 0, 0], [0, 1e-200, 0], [0, 0, -1e-200]])
+    -1
+    """
+    from fractions import Fraction  # few scenes have a matrix
+
+    a, b, c = ([Fraction(float(number)) for number in row[:3]] for row in rows)
+    cross = (b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0])
+    determinant = sum(x * y for x, y in zip(a, cross, strict=True))
+    return (determinant > 0) - (determinant < 0)

@@ -13,6 +13,7 @@ from raytrace.files import open_regular
 from raytrace.limits import MAX_SCENE
 from raytrace.misnamed import ENCODED, is_utf16, mistaken
 from raytrace.scene import positions
+from raytrace.scene.comments import without_comments
 from raytrace.scene.meshes.given import take_meshes
 from raytrace.scene.problems import MOST, Problem, no_such_file, quote
 
@@ -121,7 +122,8 @@ class Text:
         parts = place, shortened(positions.show(path), 200), shortened(text, MAX_TEXT)
         return printable(": ".join(part for part in parts if part))
 
-    def _refuse(self, offset: int, text: str) -> NoReturn:
+    def refuse(self, offset: int, text: str) -> NoReturn:
+        """Raise the error of one problem at an offset."""
         raise SceneError([self._line(positions.Positions(self.text), offset, (), text)])
 
     def _refuse_half_characters(self) -> None:
@@ -132,7 +134,7 @@ class Text:
                 json.loads(token["string"]).encode()
             except UnicodeEncodeError:
                 text = "half of a character (a lone \\ud...) in this string; write the whole character"
-                self._refuse(token.start("string"), text)
+                self.refuse(token.start("string"), text)
 
     def _refuse_doubtful(self) -> NoReturn:
         where = positions.Positions(self.text)
@@ -170,15 +172,15 @@ class Text:
                 self.text, object_pairs_hook=join, parse_float=number, parse_int=number, parse_constant=number
             )
         except json.JSONDecodeError as error:
-            self._refuse(error.pos, f"no JSON: {SYNTAX.get(error.msg, error.msg)}")
+            self.refuse(error.pos, f"no JSON: {SYNTAX.get(error.msg, error.msg)}")
         except RecursionError:
-            self._refuse(positions.too_deep(self.text, MAX_NESTING), TOO_DEEP)
+            self.refuse(positions.too_deep(self.text, MAX_NESTING), TOO_DEEP)
         if doubtful:
             self._refuse_doubtful()
         if "\\ud" in self.text.lower():
             self._refuse_half_characters()
         if not isinstance(data, dict):
-            self._refuse(0, f"expected an object, got {quote(data)}")
+            self.refuse(0, f"expected an object, got {quote(data)}")
         return data
 
 
@@ -197,12 +199,12 @@ def _decode(name: str, data: bytes) -> str:
 
 
 def read_file(path: Path) -> Text:
-    """Read a scene file.
+    """Return the text of a scene file; its comments are replaced by blanks.
 
     Raises
     ------
     SceneError
-        It is not UTF-8.
+        It is not UTF-8, or a comment has no end.
     FileError
         It is missing, no regular file, too large or can't be read.
     """
@@ -220,7 +222,11 @@ def read_file(path: Path) -> Text:
         raise FileError(f"{name}: more than {MAX_SCENE} bytes; a scene file only names its meshes")
     if data.startswith(LFS):
         raise FileError(f"{name}: a Git LFS pointer; fetch the file: git lfs pull")
-    return Text(name, _decode(name, data), in_file=True)
+    content = without_comments(_decode(name, data))
+    text = Text(name, content.text, in_file=True)
+    if content.unclosed >= 0:
+        text.refuse(content.unclosed, "this comment has no end; close it with */")
+    return text
 
 
 def from_dict(scene: dict[str, Any]) -> Text:

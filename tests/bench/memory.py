@@ -49,8 +49,8 @@ if not isinstance(scene, str):
 for name in ("cornell-box", "room"):
     rt.render(f"scenes/{name}.json", **options | {"size": (64, 64), "spp": 2}).save(picture)
 from raytrace.rendering import rendering  # noqa
-from raytrace.scene import make, meshes
-memory.Allowance = make.Allowance = meshes.Allowance = Watched
+from raytrace.scene import assemble, meshes
+memory.Allowance = assemble.Allowance = meshes.Allowance = Watched
 base, found = status("VmRSS"), {}
 loaded = step("load", lambda: rt.load(scene))
 image = step("draw", lambda: rt.render(loaded, **options))

@@ -100,8 +100,8 @@ def of(schema: dict[str, Any]) -> st.SearchStrategy[Any]:
             return st.none()
         case "string":
             return st.sampled_from(["", "a", "white", "ß"])
-        case "array" if "prefixItems" in schema:
-            return st.tuples(*map(of, schema["prefixItems"])).map(list)
+        case "array" if schema.get("minItems", 0) == schema.get("maxItems"):
+            return st.lists(of(schema["items"]), min_size=schema["minItems"], max_size=schema["minItems"])
         case "array":
             return st.lists(of(schema["items"]), min_size=schema.get("minItems", 0), max_size=3)
     if "properties" not in schema:

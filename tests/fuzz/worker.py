@@ -76,7 +76,6 @@ def warm() -> None:
 
     import naive_sampling  # noqa: F401
     import raytrace as rt
-    import raytrace.scene.schema
 
     for name in ("cornell-box-glass", "room", "glass-sphere"):
         scene = rt.load(ROOT / f"scenes/{name}.json")

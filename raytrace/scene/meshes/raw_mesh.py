@@ -1,15 +1,18 @@
-"""Triangles of mesh files: mapped affinely, and joined."""
+"""Triangles of mesh files: mapped affinely, turned round, and joined."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.records import RawMesh
+from raytrace.scene.rules import determinant_sign
 
 Matrix = NDArray[np.float64]
 
+CLEAR_SIGN = 1e-9  # determinants of matrices with entries up to 1 are off by less than 1e-14
+
 
 def transform(mesh: RawMesh, linear: Matrix, offset: Matrix) -> RawMesh:
-    """Map a mesh affinely; a map that mirrors turns the triangles round, so that their front stays outside.
+    """Return a mesh mapped affinely; a map that mirrors turns the triangles round, so that fronts stay outside.
 
     Parameters
     ----------
@@ -25,24 +28,53 @@ def transform(mesh: RawMesh, linear: Matrix, offset: Matrix) -> RawMesh:
 
     Notes
     -----
-    Sums are written out: a matrix product's last bit would depend on the machine, and with it the scene's hash.
+    Sums are written out: the last bit of a matrix product would depend on the machine, and with it the scene's hash.
     """
-
-    def product(matrix: Matrix, rows: Matrix) -> Matrix:
-        return rows[:, :1] * matrix[:, 0] + rows[:, 1:2] * matrix[:, 1] + rows[:, 2:] * matrix[:, 2]
-
     # cofactors = determinant * inverse transpose, also where there is no inverse; the scale would overflow
     scaled = linear / (np.max(np.abs(linear)) or 1.0)
     cofactors = np.cross(np.roll(scaled, -1, axis=0), np.roll(scaled, -2, axis=0))
-    mirrors = float(scaled[0] @ cofactors[0]) < 0
+    mirrors = _mirrors(scaled, float(scaled[0] @ cofactors[0]))
     order = [0, 2, 1] if mirrors else [0, 1, 2]
     normals, normal_faces = mesh.normals, mesh.normal_faces
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is found later
         if normals is not None and normal_faces is not None:
-            normals = product(-cofactors if mirrors else cofactors, normals)
+            normals = multiply(-cofactors if mirrors else cofactors, normals)
             normal_faces = normal_faces[:, order]
-        vertices = product(linear, mesh.vertices) + offset
+        vertices = multiply(linear, mesh.vertices) + offset
     return mesh._replace(vertices=vertices, faces=mesh.faces[:, order], normals=normals, normal_faces=normal_faces)
+
+
+def multiply(matrix: Matrix, rows: Matrix) -> Matrix:
+    """Return the products of a (3, 3) matrix with vectors that are the rows of an (n, 3) array, with sums written out.
+
+    Examples
+    --------
+    >>> multiply(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([[2.0, 3, 4]])).tolist()
+    [[-3.0, 2.0, 4.0]]
+    """
+    return rows[:, :1] * matrix[:, 0] + rows[:, 1:2] * matrix[:, 1] + rows[:, 2:] * matrix[:, 2]
+
+
+def _mirrors(scaled: Matrix, determinant: float) -> bool:
+    """Return whether a determinant is below 0: exactly, where rounding could decide."""
+    if abs(determinant) > CLEAR_SIGN or not np.isfinite(scaled).all():
+        return determinant < 0
+    return determinant_sign(scaled.tolist()) < 0
+
+
+def turned_round(mesh: RawMesh) -> RawMesh:
+    """Return a mesh with front and back of all triangles swapped, and its normals reversed.
+
+    Examples
+    --------
+    >>> turned_round(RawMesh(np.eye(3), np.array([[0, 1, 2]]), None, None)).faces.tolist()
+    [[0, 2, 1]]
+    """
+    order = [0, 2, 1]
+    if mesh.normals is None or mesh.normal_faces is None:
+        return mesh._replace(faces=mesh.faces[:, order])
+    normals = 0.0 - mesh.normals  # never -0
+    return mesh._replace(faces=mesh.faces[:, order], normals=normals, normal_faces=mesh.normal_faces[:, order])
 
 
 def quiet_unused(mesh: RawMesh) -> RawMesh:

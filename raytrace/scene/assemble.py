@@ -1,0 +1,193 @@
+"""Makes a scene of valid data: reads its meshes, makes its shapes, and fills its tables."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raytrace.errors import FileError, FileMemoryError, SceneError
+from raytrace.limits import MAX_TRIANGLES
+from raytrace.memory import Allowance, Joining
+from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Lights, Materials, RawMesh, Scene, Settings
+from raytrace.scene import checks
+from raytrace.scene.files import Reach
+from raytrace.scene.joining import MeshWarning, join
+from raytrace.scene.meshes.given import MARK, read_given
+from raytrace.scene.meshes.reading import read_mesh
+from raytrace.scene.positions import Origins
+from raytrace.scene.problems import MOST, Problem, shape_problem
+from raytrace.scene.shapes import make_shape, shape_of, shape_size, sphere_frequency
+from raytrace.scene.text import Text
+from raytrace.scene.transforms import PlacedMesh, place
+
+
+def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, origins: Origins, reach: Reach) -> Scene:
+    """Return the scene of valid data, with its meshes read and joined.
+
+    Parameters
+    ----------
+    scene : types.SimpleNamespace
+        As ``read_format`` returns it.
+    data : dict
+        The same as JSON types.
+    path : Path or None
+        Its file; None for a dict.
+    text, origins
+        Used to find the line and column of a problem.
+    reach : Reach
+        The folders that may be read, and the memory that may be used.
+
+    Raises
+    ------
+    SceneError, FileError
+        What is wrong with meshes.
+    """
+    shapes = _Shapes(scene, reach, text.meshes)
+    shapes.place_all()
+    if shapes.problems:
+        raise text.error(shapes.problems, origins)
+    mesh, mesh_warnings = join(shapes.placed)
+    names = _names(scene)
+    warnings = checks.warn(data)
+    for i, what in shapes.warnings + mesh_warnings:
+        warnings.append(Problem(("objects", i, shape_of(scene.objects[i])), f"{names[i]}: {what}"))
+    view = scene.camera
+    camera = Camera(np.array(view.position), np.array(view.look_at), np.array(view.up), view.fov)
+    background = np.array(scene.background)
+    materials = _materials(scene)
+    lights = Lights(
+        position=np.array([light.position for light in scene.lights]).reshape(-1, 3),
+        flux=np.array([light.flux for light in scene.lights]).reshape(-1, 3),
+    )
+    render = scene.render
+    made = Scene(
+        source=path,
+        about=scene.about,
+        camera=camera,
+        settings=Settings(scene.film.size, render.spp, render.max_depth, render.sampler, render.precision, render.seed),
+        background=background,
+        materials=materials,
+        lights=lights,
+        mesh=mesh,
+        objects=names,
+        warnings=(),
+    )
+    if made.refractive:
+        from raytrace.scene.coincident import MOST, chosen_coincidences
+
+        for found in chosen_coincidences(made)[:MOST]:
+            warnings.append(Problem(("objects", found.first), found.text(names)))
+    return replace(made, warnings=text.warn(warnings, origins)) if warnings else made
+
+
+class _Shapes:
+    """The shapes of a scene: each read or made once, and placed where its objects state.
+
+    Parameters
+    ----------
+    scene : types.SimpleNamespace
+    reach : Reach
+    given : mapping
+        Name -> mesh that a program gives in memory.
+    """
+
+    def __init__(self, scene: Any, reach: Reach, given: Mapping[str, Any]) -> None:
+        self.placed: list[PlacedMesh] = []
+        self.problems: list[Problem] = []
+        self.warnings: list[MeshWarning] = []
+        self._scene, self._reach, self._given = scene, reach, given
+        self._made: dict[Any, RawMesh | None] = {}
+        self._allowance, self._joining = Allowance(reach.max_memory), Joining()
+
+    def place_all(self) -> None:
+        """Place all objects, or collect the problems."""
+        rows = {name: row for row, name in enumerate(self._scene.materials)}
+        for i, entry in enumerate(self._scene.objects):
+            if len(self.problems) > MOST:  # no more are reported, and each one reads a folder
+                return
+            try:
+                raw = self._mesh(i, entry) if entry.mesh is not None else self._shape(entry)
+                if raw is not None:
+                    self.placed.append(place(raw, entry, rows[entry.material]))
+            except _TooLargeError as error:  # more objects would not make it smaller
+                self.problems.append(shape_problem(i, shape_of(entry), error))
+                return
+            except (SceneError, FileError) as error:
+                self.problems.append(shape_problem(i, shape_of(entry), error))
+            except ValueError as error:
+                self.problems.append(Problem(("objects", i), str(error)))
+
+    def _mesh(self, i: int, entry: Any) -> RawMesh | None:
+        """Read the mesh of an object; None if it was read before, and is broken."""
+        name = entry.mesh
+        if name not in self._made:
+            self._made[name] = None  # a broken file is reported once
+            if name in self._given:
+                self._made[name] = read_given(self._given[name])
+            else:
+                mesh = read_mesh(self._reach.find(name), self._allowance, self._reach.around(name))
+                self._made[name] = mesh
+                self._allowance.left -= mesh.nbytes
+                self.warnings += [MeshWarning(i, text) for text in mesh.warnings]
+        raw = self._made[name]
+        if raw is not None:
+            smoothness = 0 if entry.normals == "flat" else 1 if raw.normals is not None else 2
+            self._joining = self._joining.with_object(len(raw.faces), len(raw.vertices), smoothness)
+            _afford(self._joining, self._allowance)
+        return raw
+
+    def _shape(self, entry: Any) -> RawMesh:
+        """Make the sphere, rectangle or box of an object, unless one like it was made before."""
+        size = shape_size(entry)
+        smoothness = 0 if entry.normals == "flat" else 1 if entry.sphere is not None else 2
+        self._joining = self._joining.with_object(size.triangles, size.vertices, smoothness)
+        key = sphere_frequency(entry.sphere.tolerance) if entry.sphere is not None else shape_of(entry)
+        made = self._made.get(key)
+        _afford(self._joining, self._allowance, 0.0 if made else size.making())
+        if made is None:
+            self._made[key] = made = make_shape(entry)
+            self._allowance.left -= made.nbytes
+        return made
+
+
+class _TooLargeError(FileError):
+    """The scene is too large, whatever is changed in one mesh."""
+
+
+class _TooMuchMemoryError(_TooLargeError, FileMemoryError):
+    """The scene needs more memory than there is."""
+
+
+def _afford(joining: Joining, allowance: Allowance, making: float = 0.0) -> None:
+    """Refuse a scene of so many triangles; making: bytes that a shape takes while it is made."""
+    if joining.triangles > MAX_TRIANGLES:
+        raise _TooLargeError(f"with this object there are {joining.triangles:,} triangles; at most {MAX_TRIANGLES:,}")
+    if lacks := allowance.lacks(joining.total() + making, "simplify the meshes, or use fewer objects"):
+        raise _TooMuchMemoryError(f"memory: the scene, of {joining.triangles:,} triangles with this object, {lacks}")
+
+
+def _materials(scene: Any) -> Materials:
+    kinds = list(scene.materials.values())
+    return Materials(
+        name=tuple(scene.materials),
+        kind=np.array([DIFFUSE if m.type == "diffuse" else REFRACTIVE for m in kinds], np.int8),
+        albedo=np.array([m.albedo if m.type == "diffuse" else (1, 1, 1) for m in kinds], np.float64),
+        ior=np.array([m.ior if m.type == "refractive" else 1 for m in kinds], np.float64),
+        two_sided=np.array([m.type == "diffuse" and m.two_sided for m in kinds]),
+        transparent_shadow=np.array([m.type == "refractive" and m.shadows == "transparent" for m in kinds]),
+    )
+
+
+def _names(scene: Any) -> tuple[str, ...]:
+    """Return names of the objects: those of their files or shapes, with a number where one is used again."""
+    names: list[str] = []
+    counts: dict[str, int] = {}
+    for entry in scene.objects:
+        name = shape_of(entry)
+        if entry.mesh is not None and not entry.mesh.startswith(MARK):
+            name = Path(entry.mesh).name
+        counts[name] = counts.get(name, 0) + 1
+        names.append(name if counts[name] == 1 else f"{name} ({counts[name]})")
+    return tuple(names)
