@@ -1,4 +1,4 @@
-"""Measure how far frustum sides must be moved out: hard rays lost behind them, for several ``FRUSTUM_ROUNDINGS``."""
+"""How far the sides of frusta must be moved out: hard rays that are lost behind them, by ``FRUSTUM_ROUNDINGS``."""
 
 import json
 import shutil
@@ -13,7 +13,7 @@ from harness import ROOT, begin, finish, parser, show, table
 
 import raytrace as rt
 from raytrace.accel.frustum import FRUSTUM_ROUNDINGS
-from raytrace.hardcases import own_tracers as tracers
+from raytrace.hardcases import tracers
 from raytrace.hardcases.rays import cases
 from raytrace.hardcases.suite import _differs
 
@@ -45,7 +45,9 @@ def with_roundings(number: float, precision: str) -> dict[str, int]:
         copy = Path(folder, "raytrace")
         shutil.copytree(ROOT / "raytrace", copy, ignore=shutil.ignore_patterns("__pycache__"))
         source = copy / "accel/frustum.py"
-        changed = source.read_text("utf-8").replace(f"FRUSTUM_ROUNDINGS = {FRUSTUM_ROUNDINGS}", f"FRUSTUM_ROUNDINGS = {number}")
+        changed = source.read_text("utf-8").replace(
+            f"FRUSTUM_ROUNDINGS = {FRUSTUM_ROUNDINGS}", f"FRUSTUM_ROUNDINGS = {number}"
+        )
         source.write_text(changed, "utf-8")
         words = f"import sys; sys.path[:0] = [{folder!r}, {str(Path(__file__).parent)!r}]\n"
         words += f"import json, frusta; frusta.show(json.dumps(frusta.lost({precision!r})))"
