@@ -24,7 +24,7 @@ MAY_IMPORT = {  # what is run -> the packages that it may import, beside Python'
     f"rt.load({MISTAKE})": set(),
     "main(['explain', 'scenes/cornell-box.json'])": {"numpy"},
     "main(['check', 'scenes/cornell-box.json'])": {"numpy"},
-    "rt.reflect([0, 0, -1], [0, 0, 1])": {"numpy"},
+    "rt.reflect([0, 0, -1], [0, 0, 1])": {"numpy", "llvmlite"},  # one formula with the kernels
     "rt.BVH([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])": {"numpy", "llvmlite"},
     WARM: {"numpy", "llvmlite", "platformdirs"},
 }
