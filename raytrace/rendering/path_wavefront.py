@@ -1,0 +1,262 @@
+"""Path tracing: one thread's batches of paths through the passes that the scene needs."""
+
+import time
+from collections import Counter, defaultdict
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.accel import query
+from raytrace.accel.bvh import BVH
+from raytrace.accel.lanes import PACKET
+from raytrace.passes import lights, materials, paths
+from raytrace.passes.camera import camera_rays
+from raytrace.passes.film import accumulate
+from raytrace.records import (
+    CONDUCTOR,
+    DIELECTRIC,
+    DIFFUSE,
+    MIRROR,
+    REFRACTIVE,
+    Batch,
+    Columns,
+    Hits,
+    Incident,
+    LightTable,
+    Paths,
+    Rays,
+    Scene,
+    Shading,
+    Surfaces,
+    Vertices,
+    View,
+)
+from raytrace.rendering.light_table import make_light_table
+from raytrace.rendering.wavefront import _Memory, _part
+
+PATH_COLUMNS, VERTEX_COLUMNS, INCIDENT_COLUMNS = 20, 12, 16
+
+
+class PathScene(NamedTuple):
+    """A scene as path tracing uses it, in one precision."""
+
+    direct: bool  # whether a path ends after the first surface that scatters
+    max_depth: int
+    bvh: BVH
+    shadow_bvh: BVH  # the same, without the surfaces that shadow rays pass
+    shading: Shading
+    normals: NDArray[np.floating] | None
+    surfaces: Surfaces
+    kinds: frozenset[int]  # of materials
+    lights: LightTable | None
+    light_kinds: frozenset[int]
+    lamps: bool  # whether any surface emits
+    environment: NDArray[np.floating] | None  # (4,) f: radiance, and the density of its sampling, 1 / sr
+    background: NDArray[np.floating] | None  # (3,) f; None: black
+
+
+def make_path_scene(scene: Scene, bvh: BVH) -> PathScene:
+    """Tables of a scene, for its tree."""
+    dtype, mesh = bvh.triangles.dtype, scene.mesh
+    used = np.flatnonzero(np.bincount(mesh.material_id))
+    table = make_light_table(scene, bvh)
+    stops = ~scene.materials.transparent_shadow[mesh.material_id]
+    shadow = bvh if stops.all() else BVH(mesh.vertices, mesh.faces[stops], bvh.precision)
+    environment = None
+    if scene.lights.environment is not None and table is not None:
+        density = table.share[table.kind == lights.ENVIRONMENT].sum() / (4 * np.pi)
+        environment = np.append(scene.lights.environment, density).astype(dtype)
+    return PathScene(
+        scene.settings.integrator == "direct",
+        scene.settings.max_depth,
+        bvh,
+        shadow,
+        Shading(bvh.triangles.ravel(), mesh.material_id, np.zeros(0, dtype)),
+        None if mesh.normals is None else mesh.normals.astype(dtype).ravel(),
+        _surfaces(scene, table, dtype),
+        frozenset(scene.materials.kind[used].tolist()),
+        table,
+        frozenset() if table is None else frozenset(table.kind.tolist()),
+        table is not None and bool((table.kind == lights.TRIANGLE).any()),
+        environment,
+        scene.background.astype(dtype) if scene.background.any() else None,
+    )
+
+
+def _surfaces(scene: Scene, table: LightTable | None, dtype: np.dtype) -> Surfaces:
+    given = scene.materials
+    n = len(given.kind)
+    emission = np.zeros((n, 3)) if given.emission is None else given.emission
+    density = np.zeros(n)
+    if table is not None:  # share / area is the same for all triangles of a material: pi L / power of all lights
+        for row in np.flatnonzero(table.kind == lights.TRIANGLE)[::-1]:
+            material = scene.mesh.material_id[table.prim_id[row]]
+            density[material] = table.numbers.reshape(-1, lights.COLUMNS)[row, lights.DENSITY]
+    eta = np.repeat(given.ior[:, None], 3, axis=1)
+    if given.eta is not None:
+        eta = np.where((given.kind == CONDUCTOR)[:, None], given.eta, eta)
+    return Surfaces(
+        given.kind.astype(np.int32),
+        given.albedo.astype(dtype).ravel(),
+        emission.astype(dtype).ravel(),
+        density.astype(dtype),
+        eta.astype(dtype).ravel(),
+        (np.zeros((n, 3)) if given.k is None else given.k).astype(dtype).ravel(),
+        given.two_sided.astype(np.int32),
+    )
+
+
+class PathWavefront:
+    """One thread's scratch memory, and the passes of path tracing in their order.
+
+    Parameters
+    ----------
+    scene : PathScene
+    view : View
+    sampler : Sobol, Stratified or Independent
+    n : int
+        Most samples of a batch: whole packets.
+    """
+
+    def __init__(self, scene: PathScene, view: View, sampler: Any, n: int) -> None:
+        dtype = scene.bvh.triangles.dtype
+        self.scene, self.view, self.sampler, self.most = scene, view, sampler, n
+        self.seconds: defaultdict[str, float] = defaultdict(float)
+        self.rays: Counter[str] = Counter()
+        self.work, self.shadow_work = scene.bvh.work(), scene.shadow_bvh.work()
+        memory = _Memory(2 * PATH_COLUMNS + VERTEX_COLUMNS + INCIDENT_COLUMNS + 3, n + PACKET, dtype)
+        ng = memory.take(3)
+        ns = memory.take(3) if scene.normals is not None else ng
+        vertices = Vertices(
+            memory.take(3), ng, ns, memory.take(), memory.take(dtype=np.bool_), memory.take(dtype=np.int32)
+        )
+        incident = _incident(memory) if scene.lights is not None else None
+        self._records = (_paths(memory), _paths(memory), vertices, incident)
+        self._radiance = memory.take(3)
+        self.zero, self.infinity = np.zeros(1, dtype), np.full(1, np.inf, dtype)
+        self.resize(n)
+
+    def resize(self, n: int) -> None:
+        """Take n samples a batch from now on, whole packets, in the memory that is there; then come misses."""
+        self.n, self._rows = n, n + PACKET
+        parts = [None if record is None else _part(record, self._rows, self.most + PACKET) for record in self._records]
+        self.paths, self.others, self.vertices, self.incident = parts
+        self.radiance = self._radiance[: 3 * self._rows]
+
+    def add_samples(
+        self, x: NDArray[np.uint32], y: NDArray[np.uint32], first: int, last: int, sums: Any, begin: int
+    ) -> None:
+        """Add samples ``first`` .. ``last - 1`` of all pixels (x, y) of a batch to their sums."""
+        samples = np.array([first, last])
+        self._clock = time.perf_counter()
+        camera_rays(self.view, self.sampler, x, y, samples, self.paths.rays.d)
+        paths.begin_paths(self.sampler.seed, x, y, samples, self.paths, self.radiance)
+        self._lap("camera")
+        self._trace(self.n)
+        accumulate(self.radiance, first, last, sums, begin, len(x))
+        self._lap("film")
+
+    def _trace(self, n: int) -> None:
+        """Follow paths from surface to surface, until none is left or they have met ``max_depth`` surfaces."""
+        scene, here, there = self.scene, self.paths, self.others
+        self._closest(here, Columns(self.view.origin, 0, 0, 1), n)
+        self.rays["camera"] += n
+        for depth in range(1, scene.max_depth + 1):
+            self._see(here, n, depth)
+            paths.meet_surfaces(here, n, scene.shading, scene.normals, self.vertices)
+            self._lap("surface")
+            if scene.lights is not None:
+                self._pick_lights(here, n, depth)
+                self._lap("light")
+            self._scatter(here, n, depth)
+            self._lap("material")
+            if scene.lights is not None and DIFFUSE in scene.kinds:
+                self._add_light(here, n)
+            n = paths.go_on(here, n, depth, there)
+            self._lap("roulette")
+            if n == 0:
+                return
+            here, there = there, here
+            self._closest(here, self._columns(here.rays.o), n)
+            self.rays["path"] += n
+        self._see(here, n, scene.max_depth + 1)
+
+    def _see(self, here: Paths, n: int, depth: int) -> None:
+        """Add what paths see where they arrive."""
+        scene = self.scene
+        if scene.lamps:
+            paths.see_lamps(here, n, scene.shading, scene.surfaces, self.radiance)
+        if scene.environment is not None:
+            paths.see_environment(here, n, scene.environment, self.radiance)
+        elif scene.background is not None and depth <= scene.max_depth:
+            paths.see_background(here, n, scene.background, self.radiance)
+        self._lap("emission")
+
+    def _pick_lights(self, here: Paths, n: int, depth: int) -> None:
+        scene, table, kinds = self.scene, self.scene.lights, self.scene.light_kinds
+        paths_, vertices, incident = here, self.vertices, self.incident
+        lights.pick_lights(paths_, n, depth, table, scene.surfaces, vertices, incident)
+        if lights.TRIANGLE in kinds:
+            lights.sample_triangles(paths_, n, depth, table, scene.shading, vertices, incident)
+        if lights.POINT in kinds:
+            lights.sample_points(paths_, n, table, vertices, incident)
+        if lights.SPOT in kinds:
+            lights.sample_spots(paths_, n, table, vertices, incident)
+        if lights.DIRECTIONAL in kinds:
+            lights.sample_directions(paths_, n, table, vertices, incident)
+        if lights.ENVIRONMENT in kinds:
+            lights.sample_environment(paths_, n, depth, table, vertices, incident)
+
+    def _scatter(self, here: Paths, n: int, depth: int) -> None:
+        """Send paths on, by the materials that they met."""
+        kinds, surfaces, vertices = self.scene.kinds, self.scene.surfaces, self.vertices
+        if DIFFUSE in kinds:
+            mark = paths.ENDING if self.scene.direct else 0
+            materials.scatter_diffuse(here, n, depth, mark, surfaces, vertices, self.incident)
+        if MIRROR in kinds:
+            materials.reflect_mirrors(here, n, surfaces, vertices)
+        if CONDUCTOR in kinds:
+            materials.reflect_conductors(here, n, surfaces, vertices)
+        if DIELECTRIC in kinds:
+            materials.pass_dielectrics(here, n, depth, surfaces, vertices)
+        if REFRACTIVE in kinds:
+            materials.pass_interfaces(here, n, surfaces, vertices)
+
+    def _add_light(self, here: Paths, n: int) -> None:
+        incident = self.incident
+        tmax = Columns(incident.tmax, 0, 1, 0)
+        rays = Rays(self._columns(incident.o), self._columns(incident.d), Columns(self.zero, 0, 0, 0), tmax)
+        query.any_hit(self.scene.shadow_bvh.tree, rays, incident.occluded, n, self.shadow_work)
+        self.rays["shadow"] += n
+        self._lap("shadow")
+        paths.add_light(here, n, incident, self.radiance)
+        self._lap("light")
+
+    def _lap(self, name: str) -> None:
+        now = time.perf_counter()
+        self.seconds[name] += now - self._clock
+        self._clock = now
+
+    def _columns(self, array: NDArray[np.floating]) -> Columns:
+        return Columns(array, 0, 1, self._rows)
+
+    def _closest(self, here: Paths, origins: Columns, n: int) -> None:
+        limits = Columns(self.zero, 0, 0, 0), Columns(self.infinity, 0, 0, 0)
+        rays = Rays(origins, self._columns(here.rays.d), *limits)
+        query.closest_hit(self.scene.bvh.tree, rays, here.rays.hits, n, self.work)
+        self._lap("closest hit")
+
+
+def _paths(memory: _Memory) -> Paths:
+    o, d, slot = memory.take(3), memory.take(3), memory.take(dtype=np.int32)
+    hits = Hits(memory.take(), memory.take(dtype=np.int32), memory.take(), memory.take())
+    rest = memory.take(3), memory.take(), memory.take()
+    return Paths(
+        Batch(o, d, slot, hits), *rest, *(memory.take(dtype=kind) for kind in (np.uint32, np.uint32, np.int32))
+    )
+
+
+def _incident(memory: _Memory) -> Incident:
+    rays = memory.take(dtype=np.int32), memory.take(3), memory.take(3), memory.take()
+    return Incident(*rays, memory.take(3), memory.take(3), memory.take(), memory.take(dtype=np.bool_))
