@@ -321,3 +321,4 @@ class Surfaces(NamedTuple):
     eta: NDArray[np.floating]  # (k * 3,) f: index of refraction; of a dielectric three times the same
     k: NDArray[np.floating]  # (k * 3,) f: absorption index of a conductor; inf: it reflects everything
     two_sided: NDArray[np.int32]  # (k,) i4: 0 or 1
+    transparent_shadow: NDArray[np.int32]  # (k,) i4: 0 or 1

@@ -22,7 +22,8 @@ from raytrace.accel.lanes import (
 )  # fmt: skip
 from raytrace.accel.vectors import choose3, dot, scaled
 from raytrace.jit import inlined, kernel
-from raytrace.passes.paths import LIGHT, LIGHT_KEEP, LIGHT_U, LIGHT_V, hashed, uniform
+from raytrace.passes.paths import LIGHT, LIGHT_U, random_bits, uniform2
+from raytrace.passes.sampling import unit
 from raytrace.passes.surface import load3, point_on, row_of, spawn, store3
 from raytrace.passes.warp import sphere, triangle
 from raytrace.records import DIFFUSE
@@ -45,7 +46,7 @@ def high_product(h, n):
 
 
 @kernel
-def pick_lights(paths, n, depth, table, surfaces, vertices, incident):
+def pick_lights(sampler, paths, n, depth, table, surfaces, vertices, incident):
     """Choose a light for each path on a surface that scatters, by an alias table [Walker1977]; no shadow rays yet."""
     like = packet(paths.pdf)
     for i in range(0, n, packet_width(paths.pdf)):
@@ -58,8 +59,9 @@ def pick_lights(paths, n, depth, table, surfaces, vertices, incident):
         if bits(there) == 0:
             store(incident.light, i, splat_int(-1, like))
             continue
-        row = to_rows(high_product(hashed(paths, i, depth, LIGHT), np.uint32(len(table.keep))), like)
-        kept = uniform(paths, i, depth, LIGHT_KEEP) < gather(table.keep, row)
+        which, whether = random_bits(sampler, paths, i, depth, LIGHT)
+        row = to_rows(high_product(which, np.uint32(len(table.keep))), like)
+        kept = unit(whether, like) < gather(table.keep, row)
         row = select(kept, row, gather(table.other, row))
         store(incident.light, i, select(there, row, np.int32(-1)))
 
@@ -117,14 +119,14 @@ def minus(a, b):
 
 
 @kernel
-def sample_triangles(paths, n, depth, table, shading, vertices, incident):
+def sample_triangles(sampler, paths, n, depth, table, shading, vertices, incident):
     """Points on emitting triangles, uniform by area; both ends of the shadow ray lie off their surfaces."""
     like, eps = packet(paths.pdf), machine_epsilon(paths.pdf)
     for i in range(0, n, packet_width(paths.pdf)):
         row, wanted = chosen(table, incident, i, TRIANGLE)
         if bits(wanted) == 0:
             continue
-        u, v = triangle(uniform(paths, i, depth, LIGHT_U), uniform(paths, i, depth, LIGHT_V))
+        u, v = triangle(*uniform2(sampler, paths, i, depth, LIGHT_U))
         q, nl, offset = point_on(shading.triangles, select(wanted, gather(table.prim_id, row), np.int32(0)), u, v, eps)
         o = starts(vertices, i)
         d = minus(spawn(q, nl, offset), o)
@@ -210,13 +212,22 @@ def sample_directions(paths, n, table, vertices, incident):
 
 
 @kernel
-def sample_environment(paths, n, depth, table, vertices, incident):
+def sample_environment(sampler, paths, n, depth, table, vertices, incident):
     """A constant environment: directions uniform over the sphere."""
     like = packet(paths.pdf)
     for i in range(0, n, packet_width(paths.pdf)):
         row, wanted = chosen(table, incident, i, ENVIRONMENT)
         if bits(wanted) != 0:
-            wi = sphere(uniform(paths, i, depth, LIGHT_U), uniform(paths, i, depth, LIGHT_V))
+            wi = sphere(*uniform2(sampler, paths, i, depth, LIGHT_U))
             pdf = row_of(table.numbers, row, COLUMNS, DENSITY)
             radiance = scaled(numbers3(table, row, 0), 1.0 / pdf)
             put(incident, i, wanted, (starts(vertices, i), wi, splat(np.inf, like)), (wi, radiance, pdf))
+
+
+@kernel
+def claim_light(n, incident):
+    """Give light the weight 1 whose shadow ray passes a surface: a path bent there can't find the same."""
+    like = packet(incident.pdf)
+    for i in range(0, n, packet_width(incident.pdf)):
+        passed = load(incident.occluded, i, like)
+        store(incident.pdf, i, select(passed, np.inf, load(incident.pdf, i, like)))

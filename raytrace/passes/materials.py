@@ -20,13 +20,15 @@ from raytrace.accel.vectors import choose3, dot, scaled, unit
 from raytrace.jit import inlined, kernel
 from raytrace.passes.fresnel import conductor_reflectance, dielectric_reflectance
 from raytrace.passes.paths import (
+    AS_SHADOW,
     DEAD,
     DIRECTION_U,
-    DIRECTION_V,
     LOBE,
     ONLY_SPECULAR,
+    THROUGH,
     power_heuristic,
     uniform,
+    uniform2,
 )  # fmt: skip
 from raytrace.passes.refraction import interface_direction, reflect_direction
 from raytrace.passes.surface import load3, spawn, store3, vector_of
@@ -62,7 +64,7 @@ def times(a, b):
 
 
 @kernel
-def scatter_diffuse(paths, n, depth, mark, surfaces, vertices, incident):
+def scatter_diffuse(sampler, paths, n, depth, mark, surfaces, vertices, incident):
     """Diffuse surfaces: f = albedo / pi; the next direction by its cosine, so that f cos / pdf = albedo.
 
     Incident light becomes what the sample gains if nothing stops the shadow ray. ``mark`` are bits
@@ -84,11 +86,11 @@ def scatter_diffuse(paths, n, depth, mark, surfaces, vertices, incident):
             arriving = load3(incident.radiance, i, size, like)
             store3(incident.radiance, i, size, scaled(times(throughput, arriving), factor))
             store(incident.tmax, i, select(lit, tmax, -1.0))
-        local = cosine_hemisphere(uniform(paths, i, depth, DIRECTION_U), uniform(paths, i, depth, DIRECTION_V))
+        local = cosine_hemisphere(*uniform2(sampler, paths, i, depth, DIRECTION_U))
         d = unit(around(ns, local))
         here = here & (local[2] > 0.0) & (dot(d, ng) > 0.0)
         o = spawn(load3(vertices.p, i, size, like), ng, load(vertices.offset, i, like))
-        state = load(paths.state, i, like) & np.int32(~(DEAD | ONLY_SPECULAR)) | np.int32(mark)
+        state = load(paths.state, i, like) & np.int32(~(DEAD | ONLY_SPECULAR | THROUGH)) | np.int32(AS_SHADOW | mark)
         send(paths, i, here, (o, d), throughput, local[2] / np.pi, state)
 
 
@@ -111,7 +113,7 @@ def reflect_mirrors(paths, n, surfaces, vertices):
         d = mirror_direction(load3(paths.rays.d, i, size, like), ng, ns)
         throughput = times(load3(paths.throughput, i, size, like), vector_of(surfaces.reflectance, material, 3, 0))
         o = spawn(load3(vertices.p, i, size, like), ng, load(vertices.offset, i, like))
-        state = load(paths.state, i, like) & np.int32(~DEAD)
+        state = load(paths.state, i, like) & np.int32(~(DEAD | AS_SHADOW))
         send(paths, i, here, (o, d), throughput, splat(np.inf, like), state)
 
 
@@ -135,7 +137,7 @@ def reflect_conductors(paths, n, surfaces, vertices):
         )
         throughput = times(load3(paths.throughput, i, size, like), share)
         o = spawn(load3(vertices.p, i, size, like), ng, load(vertices.offset, i, like))
-        state = load(paths.state, i, like) & np.int32(~DEAD)
+        state = load(paths.state, i, like) & np.int32(~(DEAD | AS_SHADOW))
         send(paths, i, here, (o, d), throughput, splat(np.inf, like), state)
 
 
@@ -145,6 +147,19 @@ def half_cosine(d, wi):
     x, y, z = wi[0] - d[0], wi[1] - d[1], wi[2] - d[2]
     cosine = 0.5 * sqrt(dot((x, y, z), (x, y, z)))
     return select(cosine < 1.0, cosine, splat(1.0, cosine))
+
+
+@inlined
+def passes(surfaces, material):
+    """Whether shadow rays pass surfaces of materials."""
+    return gather(surfaces.transparent_shadow, material) > np.int32(0)
+
+
+@inlined
+def passed_state(state, straight):
+    """State of paths that go on from an interface; straight: behind a surface that shadow rays pass."""
+    state = state & np.int32(~DEAD)
+    return select(straight, state | np.int32(THROUGH), state & np.int32(~AS_SHADOW))
 
 
 @kernel
@@ -177,7 +192,8 @@ def pass_dielectrics(paths, n, depth, surfaces, vertices):
         scale = load(paths.scale, i, like)
         store(paths.scale, i, select(here, scale * factor, scale))
         throughput = scaled(load3(paths.throughput, i, size, like), factor)
-        send(paths, i, here, (o, d), throughput, splat(np.inf, like), load(paths.state, i, like) & np.int32(~DEAD))
+        state = passed_state(load(paths.state, i, like), ~reflected & passes(surfaces, material))
+        send(paths, i, here, (o, d), throughput, splat(np.inf, like), state)
 
 
 @kernel
@@ -195,4 +211,5 @@ def pass_interfaces(paths, n, surfaces, vertices):
         offset = load(vertices.offset, i, like)
         o = spawn(load3(vertices.p, i, size, like), ng, select(total, offset, -offset))
         throughput = load3(paths.throughput, i, size, like)
-        send(paths, i, here, (o, d), throughput, splat(np.inf, like), load(paths.state, i, like) & np.int32(~DEAD))
+        state = passed_state(load(paths.state, i, like), ~total & passes(surfaces, material))
+        send(paths, i, here, (o, d), throughput, splat(np.inf, like), state)

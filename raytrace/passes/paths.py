@@ -21,22 +21,28 @@ from raytrace.accel.lanes import (
 )  # fmt: skip
 from raytrace.accel.vectors import dot, scaled
 from raytrace.jit import inlined, kernel
-from raytrace.passes.sampling import key, mix, pixel_key, unit
+from raytrace.passes.sampling import independent_bits, key, mix, path_bits, pixel_key, unit
 from raytrace.passes.surface import load3, numbers_of, point_on, shading_normal, store3, vector_of
 
-ONLY_SPECULAR, ENDING, DEAD = 1, 2, 4  # bits of Paths.state
+# bits of Paths.state: no surface has scattered yet; the path ends at the next surface; it has ended; since a surface
+# scattered, it has gone straight as its shadow ray did; and so through a surface that shadow rays pass
+ONLY_SPECULAR, ENDING, DEAD, AS_SHADOW, THROUGH = 1, 2, 4, 8, 16
 # dimensions of random numbers: those of the film, then eight for each surface
 FIRST, PER_SURFACE = 8, 8
 LIGHT, LIGHT_KEEP, LIGHT_U, LIGHT_V, DIRECTION_U, DIRECTION_V, LOBE, ROULETTE = range(8)
+STRUCTURED = 2  # surfaces: beyond, points of any sampler are independent
 ROULETTE_FROM = 5  # surfaces: before that, no path is ended by chance
 SURVIVE = 0.05  # least probability to go on
 
 
 @inlined
-def hashed(paths, i, depth, number):
-    """32 random bits of paths i, i + 1, ...: of a dimension at the surface number ``depth``."""
+def random_bits(sampler, paths, i, depth, number):
+    """Two numbers of 32 random bits of paths i, i + 1, ...: of a pair of dimensions at the surface number ``depth``."""
     pixel, sample = load_keys(paths.key, paths, i), load_keys(paths.sample, paths, i)
-    return mix(key(pixel, FIRST + PER_SURFACE * (depth - 1) + number) + sample)
+    dimension = FIRST + PER_SURFACE * (depth - 1) + number
+    if depth <= STRUCTURED:
+        return path_bits(sampler, pixel, sample, dimension)
+    return independent_bits(pixel, sample, dimension)
 
 
 @inlined
@@ -46,9 +52,18 @@ def load_keys(a, paths, i):
 
 
 @inlined
+def uniform2(sampler, paths, i, depth, number):
+    """Two random numbers in [0, 1) of paths i, i + 1, ..."""
+    like = packet(paths.pdf)
+    a, b = random_bits(sampler, paths, i, depth, number)
+    return unit(a, like), unit(b, like)
+
+
+@inlined
 def uniform(paths, i, depth, number):
-    """Random numbers in [0, 1) of paths i, i + 1, ..."""
-    return unit(hashed(paths, i, depth, number), packet(paths.pdf))
+    """One random number in [0, 1) of paths i, i + 1, ..., independent of all others."""
+    pixel, sample = load_keys(paths.key, paths, i), load_keys(paths.sample, paths, i)
+    return unit(mix(key(pixel, FIRST + PER_SURFACE * (depth - 1) + number) + sample), packet(paths.pdf))
 
 
 @inlined
@@ -59,6 +74,12 @@ def power_heuristic(pdf, other):
     """
     ratio = other / pdf
     return select(pdf < np.inf, 1.0 / (1.0 + ratio * ratio), splat(1.0, pdf))
+
+
+@inlined
+def brought(state):
+    """Which lamps and environments a shadow ray has brought already, through surfaces that it passes."""
+    return (state & np.int32(AS_SHADOW | THROUGH)) == np.int32(AS_SHADOW | THROUGH)
 
 
 @inlined
@@ -122,7 +143,7 @@ def see_lamps(paths, n, shading, surfaces, radiance):
             continue
         ng = vector_of(shading.triangles, prim, 12, 9)
         cosine = -dot(load3(paths.rays.d, i, size, like), ng)
-        found = found & (cosine > 0.0)
+        found = found & (cosine > 0.0) & ~brought(load(paths.state, i, like))
         t = load(paths.rays.hits.t, i, like)
         weight = power_heuristic(load(paths.pdf, i, like), density * (t * t) / cosine)
         emission, throughput = vector_of(surfaces.emission, material, 3, 0), load3(paths.throughput, i, size, like)
@@ -143,6 +164,7 @@ def see_environment(paths, n, environment, radiance):
     like, size = packet(paths.pdf), len(paths.pdf)
     for i in range(0, n, packet_width(paths.pdf)):
         gone = (load(paths.rays.hits.prim_id, i, like) < np.int32(0)) & (lane_numbers(like) < np.int32(n - i))
+        gone = gone & ~brought(load(paths.state, i, like))
         if bits(gone) == 0:
             continue
         weight = power_heuristic(load(paths.pdf, i, like), splat(environment[3], like))

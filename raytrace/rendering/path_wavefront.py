@@ -41,10 +41,11 @@ PATH_COLUMNS, VERTEX_COLUMNS, INCIDENT_COLUMNS = 20, 12, 16
 class PathScene(NamedTuple):
     """A scene as path tracing uses it, in one precision."""
 
-    direct: bool  # whether a path ends after the first surface that scatters
+    integrator: str  # "path"; "direct": a path ends after the first surface that scatters; "emission": before it
     max_depth: int
     bvh: BVH
     shadow_bvh: BVH  # the same, without the surfaces that shadow rays pass
+    passed_bvh: BVH | None  # those surfaces alone; None: there are none, or no light that a path could find too
     shading: Shading
     normals: NDArray[np.floating] | None
     surfaces: Surfaces
@@ -62,16 +63,20 @@ def make_path_scene(scene: Scene, bvh: BVH) -> PathScene:
     used = np.flatnonzero(np.bincount(mesh.material_id))
     table = make_light_table(scene, bvh)
     stops = ~scene.materials.transparent_shadow[mesh.material_id]
-    shadow = bvh if stops.all() else BVH(mesh.vertices, mesh.faces[stops], bvh.precision)
+    shadow, passed = bvh, None
+    if not stops.all():
+        shadow = BVH(mesh.vertices, mesh.faces[stops], bvh.precision)
+        passed = BVH(mesh.vertices, mesh.faces[~stops], bvh.precision)
     environment = None
     if scene.lights.environment is not None and table is not None:
         density = table.share[table.kind == lights.ENVIRONMENT].sum() / (4 * np.pi)
         environment = np.append(scene.lights.environment, density).astype(dtype)
     return PathScene(
-        scene.settings.integrator == "direct",
+        scene.settings.integrator,
         scene.settings.max_depth,
         bvh,
         shadow,
+        passed,
         Shading(bvh.triangles.ravel(), mesh.material_id, np.zeros(0, dtype)),
         None if mesh.normals is None else mesh.normals.astype(dtype).ravel(),
         _surfaces(scene, table, dtype),
@@ -104,6 +109,7 @@ def _surfaces(scene: Scene, table: LightTable | None, dtype: np.dtype) -> Surfac
         eta.astype(dtype).ravel(),
         (np.zeros((n, 3)) if given.k is None else given.k).astype(dtype).ravel(),
         given.two_sided.astype(np.int32),
+        given.transparent_shadow.astype(np.int32),
     )
 
 
@@ -124,7 +130,9 @@ class PathWavefront:
         self.scene, self.view, self.sampler, self.most = scene, view, sampler, n
         self.seconds: defaultdict[str, float] = defaultdict(float)
         self.rays: Counter[str] = Counter()
-        self.work, self.shadow_work = scene.bvh.work(), scene.shadow_bvh.work()
+        self.work = scene.bvh.work()
+        trees = (scene.shadow_bvh, scene.passed_bvh)
+        self.shadow_work = {id(bvh): bvh.work() for bvh in trees if bvh is not None}
         memory = _Memory(2 * PATH_COLUMNS + VERTEX_COLUMNS + INCIDENT_COLUMNS + 3, n + PACKET, dtype)
         ng = memory.take(3)
         ns = memory.take(3) if scene.normals is not None else ng
@@ -134,6 +142,8 @@ class PathWavefront:
         incident = _incident(memory) if scene.lights is not None else None
         self._records = (_paths(memory), _paths(memory), vertices, incident)
         self._radiance = memory.take(3)
+        self.scatters = DIFFUSE in scene.kinds and scene.integrator != "emission"
+        self.finds_light = scene.lamps or scene.environment is not None  # whether a ray can meet a light
         self.zero, self.infinity = np.zeros(1, dtype), np.full(1, np.inf, dtype)
         self.resize(n)
 
@@ -166,13 +176,15 @@ class PathWavefront:
             self._see(here, n, depth)
             paths.meet_surfaces(here, n, scene.shading, scene.normals, self.vertices)
             self._lap("surface")
-            if scene.lights is not None:
+            if self.scatters and scene.lights is not None:
                 self._pick_lights(here, n, depth)
                 self._lap("light")
             self._scatter(here, n, depth)
             self._lap("material")
-            if scene.lights is not None and DIFFUSE in scene.kinds:
+            if self.scatters and scene.lights is not None:
                 self._add_light(here, n)
+            if depth == scene.max_depth and not self.finds_light:
+                break
             n = paths.go_on(here, n, depth, there)
             self._lap("roulette")
             if n == 0:
@@ -181,6 +193,7 @@ class PathWavefront:
             self._closest(here, self._columns(here.rays.o), n)
             self.rays["path"] += n
         self._see(here, n, scene.max_depth + 1)
+        self.rays["cut off"] += n
 
     def _see(self, here: Paths, n: int, depth: int) -> None:
         """Add what paths see where they arrive."""
@@ -196,9 +209,9 @@ class PathWavefront:
     def _pick_lights(self, here: Paths, n: int, depth: int) -> None:
         scene, table, kinds = self.scene, self.scene.lights, self.scene.light_kinds
         paths_, vertices, incident = here, self.vertices, self.incident
-        lights.pick_lights(paths_, n, depth, table, scene.surfaces, vertices, incident)
+        lights.pick_lights(self.sampler, paths_, n, depth, table, scene.surfaces, vertices, incident)
         if lights.TRIANGLE in kinds:
-            lights.sample_triangles(paths_, n, depth, table, scene.shading, vertices, incident)
+            lights.sample_triangles(self.sampler, paths_, n, depth, table, scene.shading, vertices, incident)
         if lights.POINT in kinds:
             lights.sample_points(paths_, n, table, vertices, incident)
         if lights.SPOT in kinds:
@@ -206,14 +219,17 @@ class PathWavefront:
         if lights.DIRECTIONAL in kinds:
             lights.sample_directions(paths_, n, table, vertices, incident)
         if lights.ENVIRONMENT in kinds:
-            lights.sample_environment(paths_, n, depth, table, vertices, incident)
+            lights.sample_environment(self.sampler, paths_, n, depth, table, vertices, incident)
+        if scene.passed_bvh is not None:
+            self._query(scene.passed_bvh, n)
+            lights.claim_light(n, incident)
 
     def _scatter(self, here: Paths, n: int, depth: int) -> None:
         """Send paths on, by the materials that they met."""
         kinds, surfaces, vertices = self.scene.kinds, self.scene.surfaces, self.vertices
-        if DIFFUSE in kinds:
-            mark = paths.ENDING if self.scene.direct else 0
-            materials.scatter_diffuse(here, n, depth, mark, surfaces, vertices, self.incident)
+        if self.scatters:
+            mark = 0 if self.scene.integrator == "path" else paths.ENDING if self.finds_light else paths.DEAD
+            materials.scatter_diffuse(self.sampler, here, n, depth, mark, surfaces, vertices, self.incident)
         if MIRROR in kinds:
             materials.reflect_mirrors(here, n, surfaces, vertices)
         if CONDUCTOR in kinds:
@@ -224,14 +240,18 @@ class PathWavefront:
             materials.pass_interfaces(here, n, surfaces, vertices)
 
     def _add_light(self, here: Paths, n: int) -> None:
+        self._query(self.scene.shadow_bvh, n)
+        self._lap("shadow")
+        paths.add_light(here, n, self.incident, self.radiance)
+        self._lap("light")
+
+    def _query(self, bvh: BVH, n: int) -> None:
+        """Whether shadow rays meet anything in a tree."""
         incident = self.incident
         tmax = Columns(incident.tmax, 0, 1, 0)
         rays = Rays(self._columns(incident.o), self._columns(incident.d), Columns(self.zero, 0, 0, 0), tmax)
-        query.any_hit(self.scene.shadow_bvh.tree, rays, incident.occluded, n, self.shadow_work)
+        query.any_hit(bvh.tree, rays, incident.occluded, n, self.shadow_work[id(bvh)])
         self.rays["shadow"] += n
-        self._lap("shadow")
-        paths.add_light(here, n, incident, self.radiance)
-        self._lap("light")
 
     def _lap(self, name: str) -> None:
         now = time.perf_counter()
