@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from raytrace.records import REFRACTIVE, Hits, Scene
 from raytrace.scene.load import load
 from raytrace.textbook.camera import pinhole_rays, stratified
+from raytrace.textbook.path import path_trace
 from raytrace.textbook.shading import Point, direct_light, pass_interface, surface_at
 from raytrace.textbook.tree import Tree, median_split, traverse
 
@@ -94,5 +95,12 @@ def render(
     tree = median_split(mesh.vertices, mesh.faces)
     blockers = tree if stops.all() else median_split(mesh.vertices, mesh.faces[stops]) if stops.any() else None
     o, d = pinhole_rays(scene.camera, size, positions.reshape(-1, 2))
-    parts = [integrate(scene, tree, blockers, o[k : k + BATCH], d[k : k + BATCH]) for k in range(0, len(o), BATCH)]
+    rng = np.random.default_rng([seed, 1])
+    parts = []
+    for k in range(0, len(o), BATCH):
+        rays = o[k : k + BATCH], d[k : k + BATCH]
+        if scene.settings.integrator == "path":
+            parts.append(path_trace(scene, tree, blockers, *rays, rng))
+        else:
+            parts.append(integrate(scene, tree, blockers, *rays))
     return np.concatenate(parts).reshape(*positions.shape[:3], 3).mean(axis=2)

@@ -40,5 +40,5 @@ def moller_trumbore(o: F8, d: F8, v0: F8, v1: F8, v2: F8) -> tuple[F8, F8, F8]:
         q = np.cross(s, edge1)
         v = np.sum(d * q, axis=-1) / det
         t = np.sum(edge2 * q, axis=-1) / det
-    inside = (det != 0) & (u >= 0) & (v >= 0) & (u + v <= 1)  # NaN is outside
+        inside = (det != 0) & (u >= 0) & (v >= 0) & (u + v <= 1)  # NaN is outside
     return np.where(inside, t, np.inf), u, v
