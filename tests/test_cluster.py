@@ -60,7 +60,8 @@ def logged(function, what):
     return wrapper
 cluster_worker.loads = logged(cluster_worker.loads, lambda content: f"{name} scene")
 cluster_worker.RenderThreads.__init__ = logged(cluster_worker.RenderThreads.__init__, lambda *args: f"{name} crew")
-cluster_worker._draw = logged(cluster_worker._draw, lambda scene, order, x, y, samples, sums: f"{name} part {x[0]} {y[0]} {samples}")
+said = lambda scene, order, x, y, samples, sums: f"{name} part {x[0]} {y[0]} {samples}"
+cluster_worker._draw = logged(cluster_worker._draw, said)
 async def main():
     async with Worker(address, nthreads=int(threads), name=name, dashboard=False) as one:
         await one.finished()

@@ -137,6 +137,7 @@ RENDER_OPTIONS = (
     "seed",
     "precision",
     "sampler",
+    "integrator",
     "threads",
     "time_limit",
     "target_error",
@@ -182,6 +183,8 @@ def _image_options(parser: ArgumentParser) -> None:
     add("--size", type=whole_numbers("WxH", "x", (1, 1)), metavar="WxH", help="film, pixels (default: the scene's)")
     window = whole_numbers("X,Y,W,H", ",", (0, 0, 1, 1))
     add("--crop", type=window, metavar="X,Y,W,H", help="only these pixels, from column X and row Y on")
+    text = "direct: light straight from the lights; path: all the light (default: the scene's)"
+    add("--integrator", choices=("direct", "path"), help=text)
     add("--seed", type=whole_number(0, 2**32 - 1), metavar="N", help="random numbers (default: the scene's)")
     add("--precision", type=one_of("auto", "float32", "float64"), metavar="P", help="auto, float32 or float64")
     samplers = one_of("sobol", "stratified", "independent")

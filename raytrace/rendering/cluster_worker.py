@@ -94,7 +94,7 @@ def _make(content: bytes, order: Order) -> RenderThreads:
     alike = [crew for other, crew in _crews.items() if other.scene == order.scene]
     scene = alike[0].scene if alike else loads(content)
     plan = make_plan(scene)
-    needed = picture_of(scene, plan, order.precision, order.settings.sampler)
+    needed = picture_of(scene, plan, order.precision, order.settings)
     with on_compile(partial(_compile, needed)):
         crew = RenderThreads(scene, plan, order.precision, order.settings)
         crew.load_kernels()

@@ -1,12 +1,18 @@
 """Scenes on their stages: kept as long as a scene lives, so that it is built once."""
 
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 from raytrace.memory import Trees
 from raytrace.records import Scene
 from raytrace.rendering.wavefront import CompiledScene, compile_scene
+from raytrace.scene.path_plan import needs_paths
 from raytrace.scene.plan import Plan, make_plan
 
+if TYPE_CHECKING:
+    from raytrace.rendering.path_scene import PathScene
+
+_paths: WeakKeyDictionary[Scene, dict[tuple[str, str], "PathScene"]] = WeakKeyDictionary()  # precision, integrator
 _stages: WeakKeyDictionary[Scene, dict[str, CompiledScene]] = WeakKeyDictionary()  # by precision
 
 
@@ -33,6 +39,19 @@ def compiled_of(scene: Scene, plan: Plan, precision: str) -> CompiledScene:
     if precision not in stages:
         stages[precision] = compile_scene(scene, plan, precision)
     return stages[precision]
+
+
+def paths_of(scene: Scene, compiled: CompiledScene, integrator: str) -> "PathScene | None":
+    """Tables of path tracing for a compiled scene; None where it does not need them."""
+    if not needs_paths(scene, integrator):
+        return None
+    from raytrace.rendering.path_scene import make_path_scene
+
+    known = _paths.setdefault(scene, {})
+    key = compiled.bvh.precision, integrator
+    if key not in known:
+        known[key] = make_path_scene(scene, compiled.bvh, integrator)
+    return known[key]
 
 
 def trees_of(scene: Scene, plan: Plan, precision: str) -> Trees:

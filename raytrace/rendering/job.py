@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import raytrace
 from raytrace.records import Scene, Settings, Window
 from raytrace.rendering.adaptive import FIRST
+from raytrace.scene.path_plan import needs_paths
 
 
 class Job(NamedTuple):
@@ -18,6 +19,11 @@ class Job(NamedTuple):
     window: Window
     precision: str  # "float32" or "float64"
     target: float | None  # error of the picture, RMSE in sRGB; None: all pixels have the same samples
+
+    @property
+    def paths(self) -> bool:
+        """Whether the passes of path tracing run."""
+        return needs_paths(self.scene, self.settings.integrator)
 
     @property
     def first_spp(self) -> int:
@@ -45,6 +51,7 @@ def identity(job: Job) -> dict[str, Any]:
         "crop": list(job.window),
         "spp": settings.spp,
         "sampler": settings.sampler,
+        "integrator": settings.integrator,
         "seed": settings.seed,
         "precision": job.precision,
         "target_error": job.target,

@@ -25,10 +25,13 @@ from raytrace.passes.sampling import make_sampler
 from raytrace.passes.surface import surface
 from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Columns, Lights, Materials, Mesh, Rays, Scene, Settings
 from raytrace.rendering.wavefront import Wavefront, compile_scene
+from raytrace.scene.path_plan import needs_paths
 from raytrace.scene.plan import Plan, make_plan
 
 if TYPE_CHECKING:
     from raytrace.native.workers import Task
+    from raytrace.rendering.path_kernels import PathNeeds
+    from raytrace.rendering.path_wavefront import PathWavefront
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]  # a kernel and its arguments
 
@@ -44,14 +47,21 @@ class Picture(NamedTuple):
     large: bool = False  # a mesh has more than `FEW` triangles
     layers: bool = False  # there are layers (AOVs)
     aimed: bool = False  # an error is wanted
+    path: "PathNeeds | None" = None  # what path tracing needs; None: it does not run
 
 
 def picture_of(
-    scene: Scene, plan: Plan, precision: str, sampler: str, *, layers: bool = False, aimed: bool = False
+    scene: Scene, plan: Plan, precision: str, settings: Settings, *, layers: bool = False, aimed: bool = False
 ) -> Picture:
     """What of a scene's picture decides which kernels it needs."""
     large = len(scene.mesh.faces) > FEW
-    return Picture(precision, sampler, plan.smooth, plan.refraction, plan.lights > 0, large, layers, aimed)
+    path = None
+    if needs_paths(scene, settings.integrator):
+        from raytrace.rendering.path_kernels import path_needs_of
+
+        path = path_needs_of(scene, settings.integrator)
+    kinds = plan.smooth, plan.refraction, plan.lights > 0
+    return Picture(precision, settings.sampler, *kinds, large, layers, aimed, path)
 
 
 def needs(picture: Picture) -> list[Call]:
@@ -59,7 +69,16 @@ def needs(picture: Picture) -> list[Call]:
     scene = _small_scene(picture)
     stage = compile_scene(scene, make_plan(scene), picture.precision)
     view = make_view(scene.camera, scene.settings.size, np.dtype(picture.precision))
-    front = Wavefront(stage, view, make_sampler(picture.sampler, 0, 1), PACKET)
+    sampler = make_sampler(picture.sampler, 0, 1)
+    front: Any = Wavefront(stage, view, sampler, PACKET)
+    if picture.path is not None:
+        from raytrace.rendering.path_kernels import small_scene
+        from raytrace.rendering.path_scene import make_path_scene
+        from raytrace.rendering.path_wavefront import PathWavefront
+
+        scene = small_scene(picture.path, scene)
+        bvh = BVH(scene.mesh.vertices, scene.mesh.faces, picture.precision)
+        front = PathWavefront(make_path_scene(scene, bvh, picture.path.integrator), view, sampler, PACKET)
     calls = list(tracing(front))
     if picture.large:
         calls += _building(np.dtype(picture.precision), stage.bvh.triangle)
@@ -123,8 +142,22 @@ def _rays(dtype: np.dtype) -> Rays:
     return Rays(columns, columns, columns, columns)
 
 
-def tracing(front: Wavefront) -> Iterator[Call]:
+def tracing(front: "Wavefront | PathWavefront") -> Iterator[Call]:
     """Kernels that a wavefront calls."""
+    dtype = front.radiance.dtype
+    if isinstance(front, Wavefront):
+        yield from _tracing(front)
+    else:
+        from raytrace.rendering.path_kernels import path_tracing
+
+        yield from path_tracing(front, _rays(dtype))
+    film = make_film(PACKET)
+    yield accumulate, (front.radiance, 0, 0, film.sums, 0, PACKET)
+    yield errors, (film.sums.reshape(-1), 0, np.zeros(7), np.zeros(3 * PACKET), film.variance, film.error)
+    yield develop, (film, np.zeros(0, np.int64), 0, 0, make_frame(0))
+
+
+def _tracing(front: Wavefront) -> Iterator[Call]:
     stage, samples, dtype = front.stage, front.samples, front.radiance.dtype
     colour = np.zeros(3, dtype)
     yield query.closest_hit, (stage.bvh.tree, _rays(dtype), samples.hits, 0, front.work)
@@ -138,10 +171,6 @@ def tracing(front: Wavefront) -> Iterator[Call]:
         yield surface, (stage.shading, stage.normals, samples.d, samples.hits, front.points)
         yield shadow_rays, (front.points, colour, front.shadows)
         yield reflect_light, (stage.shading, front.points, front.shadows, colour, front.radiance)
-    film = make_film(PACKET)
-    yield accumulate, (front.radiance, 0, 0, film.sums, 0, PACKET)
-    yield errors, (film.sums.reshape(-1), 0, np.zeros(7), np.zeros(3 * PACKET), film.variance, film.error)
-    yield develop, (film, np.zeros(0, np.int64), 0, 0, make_frame(0))
     yield background, (samples.hits, front.radiance, colour)
     if stage.plan.refraction:
         yield land, (samples, 0, samples)

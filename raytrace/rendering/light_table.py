@@ -130,7 +130,8 @@ def _zeros(power: NDArray[np.float64]) -> NDArray[np.int64]:
 def emitting(scene: Scene, bvh: BVH) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Triangles that emit and have an area in the precision of the tree, and their areas."""
     assert scene.materials.emission is not None
-    lamps = (scene.materials.emission > 0).any(axis=1)[scene.mesh.material_id] & np.isfinite(bvh.triangles[:, 9])
+    emits = np.any(scene.materials.emission > 0, axis=1)
+    lamps = emits.take(scene.mesh.material_id) & np.isfinite(bvh.triangles[:, 9])
     prims = np.flatnonzero(lamps)
     corners = bvh.triangles[prims, :9].astype(np.float64).reshape(-1, 3, 3)
     edges = corners[:, 1:] - corners[:, :1]

@@ -38,12 +38,21 @@ def _size(value: Any) -> tuple[int, int]:
     return width, height
 
 
-def override(settings: Settings, spp: Any, size: Any, seed: Any, precision: Any, sampler: Any) -> Settings:
-    """The scene's settings with the caller's in their place, checked."""
-    wanted = {"spp": spp, "size": size, "seed": seed, "precision": precision, "sampler": sampler}
-    settings = settings._replace(**{name: value for name, value in wanted.items() if value is not None})
-    choices = {"precision": ("auto", "float32", "float64"), "sampler": ("sobol", "stratified", "independent")}
-    for name, allowed in choices.items():
+CHOICES = {
+    "precision": ("auto", "float32", "float64"),
+    "sampler": ("sobol", "stratified", "independent"),
+    "integrator": ("direct", "path"),
+}
+
+
+def override(
+    settings: Settings, spp: Any, size: Any, seed: Any, precision: Any, sampler: Any, *, integrator: Any = None
+) -> Settings:
+    """The scene's settings, with the caller's in their place where they are not None; checked."""
+    given = {"spp": spp, "size": size, "seed": seed, "precision": precision, "sampler": sampler}
+    given["integrator"] = integrator
+    settings = settings._replace(**{name: value for name, value in given.items() if value is not None})
+    for name, allowed in CHOICES.items():
         if getattr(settings, name) not in allowed:
             raise OptionError(f"{name}: expected one of {', '.join(allowed)}, got {getattr(settings, name)!r}")
     return settings._replace(

@@ -2,7 +2,7 @@
 
 import time
 from collections import Counter, defaultdict
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,94 +23,15 @@ from raytrace.records import (
     Columns,
     Hits,
     Incident,
-    LightTable,
     Paths,
     Rays,
-    Scene,
-    Shading,
-    Surfaces,
     Vertices,
     View,
 )
-from raytrace.rendering.light_table import make_light_table
+from raytrace.rendering.path_scene import PathScene
 from raytrace.rendering.wavefront import _Memory, _part
 
 PATH_COLUMNS, VERTEX_COLUMNS, INCIDENT_COLUMNS = 20, 12, 16
-
-
-class PathScene(NamedTuple):
-    """A scene as path tracing uses it, in one precision."""
-
-    integrator: str  # "path"; "direct": a path ends after the first surface that scatters; "emission": before it
-    max_depth: int
-    bvh: BVH
-    shadow_bvh: BVH  # the same, without the surfaces that shadow rays pass
-    passed_bvh: BVH | None  # those surfaces alone; None: there are none, or no light that a path could find too
-    shading: Shading
-    normals: NDArray[np.floating] | None
-    surfaces: Surfaces
-    kinds: frozenset[int]  # of materials
-    lights: LightTable | None
-    light_kinds: frozenset[int]
-    lamps: bool  # whether any surface emits
-    environment: NDArray[np.floating] | None  # (4,) f: radiance, and the density of its sampling, 1 / sr
-    background: NDArray[np.floating] | None  # (3,) f; None: black
-
-
-def make_path_scene(scene: Scene, bvh: BVH) -> PathScene:
-    """Tables of a scene, for its tree."""
-    dtype, mesh = bvh.triangles.dtype, scene.mesh
-    used = np.flatnonzero(np.bincount(mesh.material_id))
-    table = make_light_table(scene, bvh)
-    stops = ~scene.materials.transparent_shadow[mesh.material_id]
-    shadow, passed = bvh, None
-    if not stops.all():
-        shadow = BVH(mesh.vertices, mesh.faces[stops], bvh.precision)
-        passed = BVH(mesh.vertices, mesh.faces[~stops], bvh.precision)
-    environment = None
-    if scene.lights.environment is not None and table is not None:
-        density = table.share[table.kind == lights.ENVIRONMENT].sum() / (4 * np.pi)
-        environment = np.append(scene.lights.environment, density).astype(dtype)
-    return PathScene(
-        scene.settings.integrator,
-        scene.settings.max_depth,
-        bvh,
-        shadow,
-        passed,
-        Shading(bvh.triangles.ravel(), mesh.material_id, np.zeros(0, dtype)),
-        None if mesh.normals is None else mesh.normals.astype(dtype).ravel(),
-        _surfaces(scene, table, dtype),
-        frozenset(scene.materials.kind[used].tolist()),
-        table,
-        frozenset() if table is None else frozenset(table.kind.tolist()),
-        table is not None and bool((table.kind == lights.TRIANGLE).any()),
-        environment,
-        scene.background.astype(dtype) if scene.background.any() else None,
-    )
-
-
-def _surfaces(scene: Scene, table: LightTable | None, dtype: np.dtype) -> Surfaces:
-    given = scene.materials
-    n = len(given.kind)
-    emission = np.zeros((n, 3)) if given.emission is None else given.emission
-    density = np.zeros(n)
-    if table is not None:  # share / area is the same for all triangles of a material: pi L / power of all lights
-        for row in np.flatnonzero(table.kind == lights.TRIANGLE)[::-1]:
-            material = scene.mesh.material_id[table.prim_id[row]]
-            density[material] = table.numbers.reshape(-1, lights.COLUMNS)[row, lights.DENSITY]
-    eta = np.repeat(given.ior[:, None], 3, axis=1)
-    if given.eta is not None:
-        eta = np.where((given.kind == CONDUCTOR)[:, None], given.eta, eta)
-    return Surfaces(
-        given.kind.astype(np.int32),
-        given.albedo.astype(dtype).ravel(),
-        emission.astype(dtype).ravel(),
-        density.astype(dtype),
-        eta.astype(dtype).ravel(),
-        (np.zeros((n, 3)) if given.k is None else given.k).astype(dtype).ravel(),
-        given.two_sided.astype(np.int32),
-        given.transparent_shadow.astype(np.int32),
-    )
 
 
 class PathWavefront:
@@ -140,9 +61,10 @@ class PathWavefront:
             memory.take(3), ng, ns, memory.take(), memory.take(dtype=np.bool_), memory.take(dtype=np.int32)
         )
         incident = _incident(memory) if scene.lights is not None else None
-        self._records = (_paths(memory), _paths(memory), vertices, incident)
+        self._records = [_paths(memory), _paths(memory), vertices, *([] if incident is None else [incident])]
         self._radiance = memory.take(3)
         self.scatters = DIFFUSE in scene.kinds and scene.integrator != "emission"
+        self.samples_lights = self.scatters and scene.lights is not None
         self.finds_light = scene.lamps or scene.environment is not None  # whether a ray can meet a light
         self.zero, self.infinity = np.zeros(1, dtype), np.full(1, np.inf, dtype)
         self.resize(n)
@@ -150,8 +72,9 @@ class PathWavefront:
     def resize(self, n: int) -> None:
         """Take n samples a batch from now on, whole packets, in the memory that is there; then come misses."""
         self.n, self._rows = n, n + PACKET
-        parts = [None if record is None else _part(record, self._rows, self.most + PACKET) for record in self._records]
-        self.paths, self.others, self.vertices, self.incident = parts
+        parts = [_part(record, self._rows, self.most + PACKET) for record in self._records]
+        self.paths, self.others, self.vertices = parts[:3]
+        self.incident: Any = parts[3] if len(parts) == 4 else None  # None: there is no light
         self.radiance = self._radiance[: 3 * self._rows]
 
     def add_samples(
@@ -176,23 +99,24 @@ class PathWavefront:
             self._see(here, n, depth)
             paths.meet_surfaces(here, n, scene.shading, scene.normals, self.vertices)
             self._lap("surface")
-            if self.scatters and scene.lights is not None:
+            if self.samples_lights:
                 self._pick_lights(here, n, depth)
                 self._lap("light")
             self._scatter(here, n, depth)
             self._lap("material")
-            if self.scatters and scene.lights is not None:
+            if self.samples_lights:
                 self._add_light(here, n)
-            if depth == scene.max_depth and not self.finds_light:
-                break
             n = paths.go_on(here, n, depth, there)
             self._lap("roulette")
             if n == 0:
                 return
+            if depth == scene.max_depth and not self.finds_light:
+                break
             here, there = there, here
             self._closest(here, self._columns(here.rays.o), n)
             self.rays["path"] += n
-        self._see(here, n, scene.max_depth + 1)
+        else:
+            self._see(here, n, scene.max_depth + 1)
         self.rays["cut off"] += n
 
     def _see(self, here: Paths, n: int, depth: int) -> None:

@@ -37,6 +37,7 @@ def render(
     precision: str | None = None,
     sampler: str | None = None,
     *,
+    integrator: str | None = None,
     threads: int | None = None,
     progress: Callable[[Progress], None] | Literal[False] | None = None,
     aov: Sequence[str] = (),
@@ -56,6 +57,8 @@ def render(
     spp, size, seed, precision, sampler : optional
         Samples per pixel; film (width, height) in pixels; 0 .. 2**32 - 1; "auto", "float32" or "float64"; "sobol",
         "stratified" or "independent". Default: what the scene says.
+    integrator : {"direct", "path"}, optional
+        Light that comes straight from the lights, or all the light. Default: what the scene says.
     threads : int, optional
         Default: all cores of the process. The picture has the same bits for any number.
     progress : callable or False, optional
@@ -107,7 +110,7 @@ def render(
         scene = load(scene, max_memory=max_memory)
     target = error_wanted(target_error)
     most = adaptive.CAP if spp is None and target is not None else spp
-    settings = override(scene.settings, most, size, seed, precision, sampler)
+    settings = override(scene.settings, most, size, seed, precision, sampler, integrator=integrator)
     window = window_of(settings.size, crop)
     layers, limit, count = layers_of(aov), deadline_after(time_limit), parallel.thread_count(threads)
     plan = plan_of(scene)

@@ -52,7 +52,7 @@ class Run:
         self.job, self.plan, self.layout, self.keep, self.watcher = job, plan_of(job.scene), layout, keep, watcher
         self._cluster = cluster
         self._drawers: RenderThreads | Cluster | None = cluster
-        model = MODELS[job.settings.sampler]
+        model = MODELS["independent" if job.paths else job.settings.sampler]
         self.canvas = FilmTiles(job.window, model)
         self.search = None
         if job.target is not None:
@@ -227,7 +227,7 @@ class Run:
             return
         self._say("compiling", 0, 1)
         job, wants = self.job, {"layers": self.with_layers, "aimed": self.search is not None}
-        picture = picture_of(job.scene, self.plan, job.precision, job.settings.sampler, **wants)
+        picture = picture_of(job.scene, self.plan, job.precision, job.settings, **wants)
         compile_ahead([picture], partial(self._say, "compiling"))
 
     def _developed(self) -> Frame:
@@ -265,6 +265,7 @@ class Run:
             "seed": settings.seed,
             "precision": self.job.precision,
             "samples": int(self.samples.min()),
+            **({} if settings.integrator == "direct" else {"integrator": settings.integrator}),
             "complete": complete,
             "seconds": round(seconds, 4),
         }

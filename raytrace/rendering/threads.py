@@ -4,6 +4,7 @@ import contextlib
 import threading
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,11 +13,14 @@ from raytrace.jit import load_all
 from raytrace.passes.camera import make_view
 from raytrace.passes.sampling import make_sampler
 from raytrace.records import Scene, Settings
-from raytrace.rendering.compiled_scenes import compiled_of
+from raytrace.rendering.compiled_scenes import compiled_of, paths_of
 from raytrace.rendering.film_tiles import FilmTile
 from raytrace.rendering.kernels import tracing
 from raytrace.rendering.wavefront import BATCH, Wavefront
 from raytrace.scene.plan import Plan
+
+if TYPE_CHECKING:
+    from raytrace.rendering.path_wavefront import PathWavefront
 
 
 class RenderThreads:
@@ -36,13 +40,22 @@ class RenderThreads:
         self.scene, self.stage = scene, compiled_of(scene, plan, precision)
         self._view = make_view(scene.camera, settings.size, np.dtype(precision))
         self._sampler = make_sampler(settings.sampler, settings.seed, settings.spp)
+        self._paths = paths_of(scene, self.stage, settings.integrator)
         self._local = threading.local()
-        self._wavefronts: list[Wavefront] = []
-        self._idle: list[Wavefront] = []  # of threads that have ended
+        self._wavefronts: list[Wavefront | PathWavefront] = []
+        self._idle: list[Wavefront | PathWavefront] = []  # of threads that have ended
+
+    def _make(self, n: int) -> Wavefront | "PathWavefront":
+        """A wavefront for batches of n samples."""
+        if self._paths is None:
+            return Wavefront(self.stage, self._view, self._sampler, n)
+        from raytrace.rendering.path_wavefront import PathWavefront
+
+        return PathWavefront(self._paths, self._view, self._sampler, n)
 
     def load_kernels(self) -> None:
         """Have the machine code of kernels ready here, where Ctrl-C is noticed, and not in the threads that draw."""
-        load_all(tracing(Wavefront(self.stage, self._view, self._sampler, PACKET)))
+        load_all(tracing(self._make(PACKET)))
 
     def draw(self, sheet: FilmTile, first: int, last: int, over: Callable[[], bool] = lambda: False) -> int:
         """Add samples ``first`` .. ``last - 1`` of a sheet's pixels to their sums, a batch after the other.
@@ -62,14 +75,14 @@ class RenderThreads:
             done = after
         return done
 
-    def _wavefront(self, n: int) -> Wavefront:
+    def _wavefront(self, n: int) -> Wavefront | "PathWavefront":
         """Wavefront of the calling thread for batches of n samples."""
-        front: Wavefront | None = getattr(self._local, "front", None)
+        front: Wavefront | PathWavefront | None = getattr(self._local, "front", None)
         if front is None:
             with contextlib.suppress(IndexError):  # none is left
                 front = self._local.front = self._idle.pop()
         if front is None or n > front.most:
-            front = self._local.front = Wavefront(self.stage, self._view, self._sampler, max(n, BATCH))
+            front = self._local.front = self._make(max(n, BATCH))
             self._wavefronts.append(front)
             self._local.__dict__.setdefault("all", []).append(front)
         if n != front.n:
@@ -99,7 +112,7 @@ class RenderThreads:
         return _tally(list(self._wavefronts))[1]
 
 
-def _tally(wavefronts: Iterable[Wavefront]) -> tuple[Counter[str], dict[str, float]]:
+def _tally(wavefronts: Iterable[Wavefront | "PathWavefront"]) -> tuple[Counter[str], dict[str, float]]:
     rays, seconds = Counter[str](), defaultdict[str, float](float)
     for wavefront in wavefronts:
         rays.update(wavefront.rays)

@@ -18,6 +18,7 @@ from raytrace.passes.light import background, reflect_light, shadow_rays, triang
 from raytrace.passes.refraction import land, refract_rays
 from raytrace.passes.surface import surface
 from raytrace.records import REFRACTIVE, Batch, Columns, Hits, Points, Rays, Scene, Shading, Shadows, View
+from raytrace.scene.path_plan import needs_paths
 from raytrace.scene.plan import Plan
 
 BATCH = 16384  # samples in flight in one thread: about 100 bytes each; fewer make Python a tenth of the time
@@ -76,7 +77,7 @@ def _table(scene: Scene, dtype: np.dtype) -> NDArray[np.floating]:
 
 def _shadow_bvhs(scene: Scene, bvh: BVH, positions: NDArray[np.floating]) -> tuple[BVH, ...]:
     """Trees for the shadow rays of each light; the tree itself where nothing is left out."""
-    if not len(positions):
+    if not len(positions) or needs_paths(scene, "direct"):  # path tracing has trees of its own
         return ()
     mesh, kind = scene.mesh, (bvh.precision, bvh.split, bvh.triangle)
     stops = ~scene.materials.transparent_shadow[mesh.material_id]

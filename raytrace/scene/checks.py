@@ -6,8 +6,10 @@ right form is passed over, since the format reports it.
 
 import math
 from collections.abc import Iterator
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
+from raytrace.scene.check_light import check_lights, check_materials, emits
 from raytrace.scene.problems import HINTED, MOST, Problem, unknown_name
 
 if TYPE_CHECKING:
@@ -71,7 +73,11 @@ def check(data: dict[str, Any]) -> list[Problem]:
     -------
     list of Problem
     """
-    problems = list(_check_camera(data.get("camera")))
+    problems = [
+        *_check_camera(data.get("camera")),
+        *islice(check_lights(data), MOST),
+        *islice(check_materials(data), MOST),
+    ]
     materials = data.get("materials")
     objects = data.get("objects")
     for i, entry in enumerate(objects if isinstance(objects, list) else []):
@@ -101,7 +107,7 @@ def warn(data: dict[str, Any]) -> list[Problem]:
     list of Problem
     """
     found = []
-    if not data.get("lights"):
+    if not data.get("lights") and not any(map(emits, data["materials"].values())):
         found.append(Problem(("lights",), "no lights: all surfaces will be black"))
     used = {entry["material"] for entry in data["objects"]}
     for name in data["materials"]:

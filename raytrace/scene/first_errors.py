@@ -12,7 +12,9 @@ ENOUGH = 20 * MOST  # errors that are worded at once
 DEPTH = 4  # of objects in each other that hold keys of the format
 MODELS: tuple[type[BaseModel], ...] = (
     *(schema.SceneFile, schema.Camera, schema.Film, schema.Render, schema.PointLight),
-    *(schema.Diffuse, schema.Refractive, schema.Object, schema.Rotation),
+    *(schema.SpotLight, schema.DirectionalLight, schema.EnvironmentLight),
+    *(schema.Diffuse, schema.Mirror, schema.Dielectric, schema.Conductor, schema.Refractive),
+    *(schema.Object, schema.Rotation),
 )
 KEYS = {field.alias or name for model in MODELS for name, field in model.model_fields.items()}
 

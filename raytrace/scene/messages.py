@@ -15,8 +15,14 @@ MODELS: dict[Path, type[BaseModel]] = {  # "*" stands for any name or index
     ("camera",): schema.Camera,
     ("film",): schema.Film,
     ("render",): schema.Render,
-    ("lights", "*"): schema.PointLight,
+    ("lights", "*", "point"): schema.PointLight,
+    ("lights", "*", "spot"): schema.SpotLight,
+    ("lights", "*", "directional"): schema.DirectionalLight,
+    ("lights", "*", "environment"): schema.EnvironmentLight,
     ("materials", "*", "diffuse"): schema.Diffuse,
+    ("materials", "*", "mirror"): schema.Mirror,
+    ("materials", "*", "dielectric"): schema.Dielectric,
+    ("materials", "*", "conductor"): schema.Conductor,
     ("materials", "*", "refractive"): schema.Refractive,
     ("objects", "*"): schema.Object,
     ("objects", "*", "rotate"): schema.Rotation,
@@ -55,7 +61,8 @@ def _tell(error: Any, path: Path, data: Any) -> Problem:
     if kind == "missing" and isinstance(place[-1], str):
         return Problem(path[:-1], f'missing key "{place[-1]}": {_keys(place[:-1])[place[-1]]}')
     if kind == "union_tag_not_found":
-        return Problem(path, 'missing key "type": one of diffuse, refractive')
+        types = [str(key[2]) for key in MODELS if len(key) == 3 and key[0] == place[0]]
+        return Problem(path, f'missing key "type": one of {", ".join(types)}')
     if kind == "union_tag_invalid":
         known = re.findall(r"'([^']*)'", context["expected_tags"])
         return Problem((*path, "type"), unknown_name("type", context["tag"], known))
@@ -103,7 +110,7 @@ def tell(error: ValidationError, data: Any) -> list[Problem]:
         is_other_number = isinstance(path[-1], int) and lacking.get(path[:-1]) is not entry
         if entry["type"] == "missing" and (path in misspelt or is_other_number):
             continue
-        if path[0] == "materials" and len(path) > 2:
-            path = path[:2] + path[3:]  # pydantic puts the material's type there, which is no step in the file
+        if path[0] in ("materials", "lights") and len(path) > 2:
+            path = path[:2] + path[3:]  # pydantic puts the type there, which is no step in the file
         told.append(_tell(entry, path, data))
     return told

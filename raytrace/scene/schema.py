@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from raytrace.limits import MAX_DEPTH, MAX_PIXELS, MAX_SEED, MAX_SIDE, MAX_SPP
+from raytrace.scene.metals import Metal
 from raytrace.scene.rules import check_film, check_scale, spread_number
 
 Number = Annotated[float, Field(strict=True)]
@@ -18,6 +19,10 @@ Side = Annotated[int, Field(strict=True, ge=1, json_schema_extra={"maximum": MAX
 Point = tuple[Number, Number, Number]
 Colour = tuple[NonNegative, NonNegative, NonNegative]
 Albedo = tuple[Share, Share, Share]
+Index = Annotated[float, Field(strict=True, gt=0, le=1000)]
+Absorption = Annotated[float, Field(strict=True, ge=0, le=1000)]
+Positive = tuple[Index, Index, Index]
+Extinction = tuple[Absorption, Absorption, Absorption]
 Size = Annotated[tuple[Side, Side], AfterValidator(check_film)]
 Scale = Annotated[
     Point, BeforeValidator(spread_number, json_schema_input_type=Number | Point), AfterValidator(check_scale)
@@ -57,6 +62,9 @@ class Render(Model):
     sampler: Literal["sobol", "stratified", "independent"] = Field(
         "sobol", description="Where in the pixel the samples lie: Owen-scrambled Sobol, jittered grid, or independent."
     )
+    integrator: Literal["direct", "path"] = Field(
+        "direct", description="direct: light that comes straight from the lights; path: all the light, by path tracing."
+    )
     precision: Literal["auto", "float32", "float64"] = Field(
         "auto", description="Arithmetic of the rays; auto takes float32 where the scene allows it."
     )
@@ -73,6 +81,41 @@ class PointLight(Model):
     flux: Colour = Field(description="Power sent out in all directions together, watt for red, green and blue.")
 
 
+class SpotLight(Model):
+    """A point that sends light into a cone around an axis."""
+
+    type: Literal["spot"] = Field(description="The kind of light: spot.")
+    position: Point = Field(description="Where the light is, world units.")
+    look_at: Point = Field(description="A point on the axis of the cone, world units.")
+    intensity: Colour = Field(description="Intensity on the axis, W / sr for red, green and blue.")
+    cutoff: Annotated[float, Field(strict=True, gt=0, le=90)] = Field(
+        description="Angle from the axis from which on there is no light, degrees."
+    )
+    beam: Annotated[float, Field(strict=True, ge=0, le=90)] | None = Field(
+        None,
+        description="Angle from the axis up to which the intensity is full, degrees; linear in the angle from there to "
+        "cutoff. Default: 3/4 of cutoff.",
+    )
+
+
+class DirectionalLight(Model):
+    """Parallel light from infinitely far away."""
+
+    type: Literal["directional"] = Field(description="The kind of light: directional.")
+    direction: Point = Field(description="Where the light goes; any length but 0.")
+    irradiance: Colour = Field(description="On a plane that faces the light, W / m2 for red, green and blue.")
+
+
+class EnvironmentLight(Model):
+    """The same radiance from all directions; it is visible."""
+
+    type: Literal["environment"] = Field(description="The kind of light: environment.")
+    radiance: Colour = Field(description="Radiance from all directions, W / (sr m2) for red, green and blue.")
+
+
+Light = Annotated[PointLight | SpotLight | DirectionalLight | EnvironmentLight, Field(discriminator="type")]
+
+
 class Diffuse(Model):
     """A matt surface that sends albedo / pi of the irradiance in every direction."""
 
@@ -80,6 +123,9 @@ class Diffuse(Model):
     albedo: Albedo = Field(description="Share of the light that is reflected, 0 to 1 for red, green and blue.")
     two_sided: Annotated[bool, Field(strict=True)] = Field(
         False, description="Whether light from behind the geometric normal is reflected too."
+    )
+    emission: Colour | None = Field(
+        None, description="Radiance that the front of the surface emits, W / (sr m2) for red, green and blue: a lamp."
     )
 
 
@@ -95,7 +141,36 @@ class Refractive(Model):
     )
 
 
-Material = Annotated[Diffuse | Refractive, Field(discriminator="type")]
+class Dielectric(Model):
+    """A smooth interface such as glass or water: reflects and transmits by Fresnel's equations."""
+
+    type: Literal["dielectric"] = Field(description="The kind of material: dielectric.")
+    ior: Annotated[float, Field(strict=True, gt=0)] = Field(
+        description="Index of refraction inside (behind the normal) over the one outside."
+    )
+    shadows: Literal["opaque", "transparent"] = Field(
+        "opaque", description="Whether the surface stops shadow rays, or lets them pass straight through, unbent."
+    )
+
+
+class Mirror(Model):
+    """A mirror on both sides, whose reflectance does not depend on the angle."""
+
+    type: Literal["mirror"] = Field(description="The kind of material: mirror.")
+    reflectance: Albedo = Field((1.0, 1.0, 1.0), description="Share of the light that is reflected, 0 to 1.")
+
+
+class Conductor(Model):
+    """A smooth metal, by name, by index of refraction, or by reflectance: Fresnel's equations on both sides."""
+
+    type: Literal["conductor"] = Field(description="The kind of material: conductor.")
+    metal: Metal | None = Field(None, description="A metal of the table in docs/conventions.md.")
+    eta: Positive | None = Field(None, description="Index of refraction for red, green and blue; with k.")
+    k: Extinction | None = Field(None, description="Absorption index for red, green and blue; with eta.")
+    reflectance: Albedo | None = Field(None, description="Share that is reflected at normal incidence, 0 to 1.")
+
+
+Material = Annotated[Diffuse | Mirror | Dielectric | Conductor | Refractive, Field(discriminator="type")]
 
 
 class Rotation(Model):
@@ -132,7 +207,7 @@ class SceneFile(Model):
     camera: Camera = Field(description="Where the picture is taken from.")
     film: Film = Field(Film(), description="How large the picture is.")
     render: Render = Field(Render(), description="How to render.")
-    lights: list[PointLight] = Field([], description="What lights the scene.")
+    lights: list[Light] = Field([], description="What lights the scene.")
     materials: dict[str, Material] = Field(description="What surfaces are made of, by name.")
     objects: list[Object] = Field(min_length=1, description="What stands in the scene.")
     background: Colour = Field(

@@ -45,8 +45,8 @@ def path_trace(scene: Scene, tree: Tree, blockers: Tree | None, o: F8, d: F8, rn
     """Radiance (n, 3) that arrives along rays: an unbiased estimate, one path each.
 
     The rendering equation [Kajiya1986]: L = Le + integral of f L cos over the hemisphere. At each surface a path adds
-    the light of one point on a lamp (and of all point lights), then goes on in one random direction. A lamp that it meets
-    in this way counts too; the power heuristic shares between the two.
+    the light of one point on a lamp (and of all point lights), then goes on in one random direction. A lamp that it
+    meets in this way counts too; the power heuristic shares between the two.
 
     Parameters
     ----------
@@ -110,12 +110,13 @@ def path_trace(scene: Scene, tree: Tree, blockers: Tree | None, o: F8, d: F8, rn
         chance = np.ones(len(path)) if depth < ROULETTE_FROM else np.clip(throughput.max(axis=1), 0.05, 1)
         alive = np.flatnonzero((throughput.max(axis=1) > 0) & (rng.random(len(path)) < chance))
         throughput = throughput / chance[:, None]  # Russian roulette: the expectation stays
-        o, d, path, throughput, pdf, specular = (a[alive] for a in (o, d, path, throughput, pdf, specular))
+        o, d, path = o[alive], d[alive], path[alive]
+        throughput, pdf, specular = throughput[alive], pdf[alive], specular[alive]
     return radiance
 
 
 def _of(point: Point, rows: NDArray[np.int64]) -> Point:
-    return Point(*(a[rows] for a in point))
+    return Point(point.p[rows], point.ng[rows], point.ns[rows], point.d[rows], point.material[rows])
 
 
 def refuse(scene: Scene) -> None:
@@ -162,7 +163,7 @@ def visible(scene: Scene, blockers: Tree | None, p: F8, ng: F8, to_light: F8) ->
     if blockers is None:
         return np.ones((len(p), 1))
     o = leave(scene, p, ng, to_light)
-    return (traverse(blockers, o, p + to_light - o, 1 - 1e-6).prim_id < 0)[:, None]
+    return np.where(traverse(blockers, o, p + to_light - o, 1 - 1e-6).prim_id < 0, 1.0, 0.0)[:, None]
 
 
 # How paths go on: origin, direction, f cos / pdf, and pdf -------------------------------------------------------------
