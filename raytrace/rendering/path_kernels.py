@@ -16,6 +16,7 @@ from raytrace.records import (
     MIRROR,
     REFRACTIVE,
     Directions,
+    Lights,
     Materials,
     Rays,
     Scene,
@@ -66,11 +67,11 @@ def small_scene(needs: PathNeeds, scene: Scene) -> Scene:
     transparent = np.full(n, needs.transparent) & ((kinds == REFRACTIVE) | (kinds == DIELECTRIC))
     table = Materials(names, kinds, one, np.ones(n), none, transparent, one if needs.lamps else None, one, one)
     up, vector = np.array([[0.0, 1.0, 0.0]]), np.ones((1, 3))
-    here = scene.lights.position
-    sources = scene.lights._replace(
-        flux=scene.lights.flux if needs.points else scene.lights.flux[:0],
-        position=here if needs.points else here[:0],
-        spots=Spots(here + 1, up, vector, np.ones(1), np.ones(1) / 2) if needs.spots else None,
+    place = np.array([[0.0, 0.0, 3.0]])
+    sources = Lights(
+        position=place if needs.points else place[:0],
+        flux=vector if needs.points else vector[:0],
+        spots=Spots(place, up, vector, np.ones(1), np.ones(1) / 2) if needs.spots else None,
         directions=Directions(up, vector) if needs.directions else None,
         environment=np.ones(3) if needs.environment else None,
     )

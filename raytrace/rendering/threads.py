@@ -4,7 +4,7 @@ import contextlib
 import threading
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Union
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from raytrace.scene.plan import Plan
 
 if TYPE_CHECKING:
     from raytrace.rendering.path_wavefront import PathWavefront
+
+AnyWavefront = Union[Wavefront, "PathWavefront"]
 
 
 class RenderThreads:
@@ -45,7 +47,7 @@ class RenderThreads:
         self._wavefronts: list[Wavefront | PathWavefront] = []
         self._idle: list[Wavefront | PathWavefront] = []  # of threads that have ended
 
-    def _make(self, n: int) -> Wavefront | "PathWavefront":
+    def _make(self, n: int) -> AnyWavefront:
         """A wavefront for batches of n samples."""
         if self._paths is None:
             return Wavefront(self.stage, self._view, self._sampler, n)
@@ -75,7 +77,7 @@ class RenderThreads:
             done = after
         return done
 
-    def _wavefront(self, n: int) -> Wavefront | "PathWavefront":
+    def _wavefront(self, n: int) -> AnyWavefront:
         """Wavefront of the calling thread for batches of n samples."""
         front: Wavefront | PathWavefront | None = getattr(self._local, "front", None)
         if front is None:
@@ -112,7 +114,7 @@ class RenderThreads:
         return _tally(list(self._wavefronts))[1]
 
 
-def _tally(wavefronts: Iterable[Wavefront | "PathWavefront"]) -> tuple[Counter[str], dict[str, float]]:
+def _tally(wavefronts: Iterable[AnyWavefront]) -> tuple[Counter[str], dict[str, float]]:
     rays, seconds = Counter[str](), defaultdict[str, float](float)
     for wavefront in wavefronts:
         rays.update(wavefront.rays)

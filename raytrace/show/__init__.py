@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Drawing": "drawing",
-    "bvh": "levels",
-    "convergence": "curves",
-    "error": "difference",
-    "heatmap": "cost",
-    "live": "viewer",
-    "path": "journey",
-    "samples": "points",
+    "bvh": "tree_boxes",
+    "convergence": "convergence_plot",
+    "error": "error_map",
+    "heatmap": "visit_counts",
+    "live": "live_viewer",
+    "path": "path_drawing",
+    "samples": "sample_points",
 }
 
 __all__ = ["Drawing", "bvh", "convergence", "error", "heatmap", "live", "path", "samples"]
