@@ -35,7 +35,10 @@ NUMBA = (  # the compiler, and the type that it is taught
     "native/plain.py",
 )
 
-DRAWN_IN_TURN = ("textbook/camera.py",)  # as books do; every other random number has an address
+DRAWN_IN_TURN = (
+    "textbook/camera.py",
+    "textbook/integrator.py",
+)  # as books do; every other random number has an address
 
 # package -> the packages that it may not import, so that data flows one way
 LAYERS = {

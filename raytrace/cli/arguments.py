@@ -137,6 +137,7 @@ RENDER_OPTIONS = (
     "seed",
     "precision",
     "sampler",
+    "integrator",
     "threads",
     "time_limit",
     "target_error",
@@ -183,6 +184,8 @@ def _image_options(parser: ArgumentParser) -> None:
     add("--size", type=size, metavar="WxH", help="image size in pixels (default: the scene's)")
     window = whole_numbers("X,Y,W,H", ",", (0, 0, 1, 1))
     add("--crop", type=window, metavar="X,Y,W,H", help="render only W x H pixels, from column X and row Y")
+    text = "direct: light straight from the lights; path: all the light (default: the scene's)"
+    add("--integrator", choices=("direct", "path"), help=text)
     add("--seed", type=whole_number(0, 2**32 - 1), metavar="N", help="random seed (default: the scene's)")
     add("--precision", type=one_of("auto", "float32", "float64"), metavar="P", help="auto, float32 or float64")
     samplers = one_of("sobol", "stratified", "independent")

@@ -178,3 +178,63 @@ def _stratified(sampler: Stratified, pixel, sample, like):
 def _film_sample(sampler, pixel, sample, like):
     take = {Sobol: _sobol, Stratified: _stratified, Independent: _independent}[sampler.instance_class]
     return lambda sampler, pixel, sample, like: take(sampler, pixel, sample, like)
+
+
+def path_bits(sampler, pixel, sample, dimension):
+    """Two numbers of 32 random bits for a pair of dimensions that lies after those of the film.
+
+    Parameters
+    ----------
+    sampler : Sobol, Stratified or Independent
+    pixel : lanes of uint32
+        ``pixel_key`` of the pixels.
+    sample : lanes of uint32
+        Numbers of the samples.
+    dimension : int
+        The first of the pair.
+    """
+    take = {Sobol: _sobol_bits, Stratified: _independent_bits, Independent: _independent_bits}[type(sampler)]
+    return take(sampler, pixel, sample, dimension)
+
+
+@inlined
+def independent_bits(pixel, sample, dimension):
+    """Two numbers of 32 random bits that know nothing of those of other samples."""
+    return mix(key(pixel, dimension) + sample), mix(key(pixel, dimension + 1) + sample)
+
+
+@inlined
+def _independent_bits(sampler, pixel, sample, dimension):
+    return independent_bits(pixel, sample, dimension)
+
+
+@inlined
+def _sobol_bits(sampler, pixel, sample, dimension):
+    """Points of the first two Sobol dimensions, in an order of their own for each pair of dimensions.
+
+    The order is a nested uniform scrambling of the sample's number, which keeps blocks of powers of two together: so
+    the points of each pair are a net, and those of different pairs know nothing of each other [Burley2020].
+    """
+    index = owen(reverse_bits(sample), mix(key(pixel, dimension) ^ np.uint32(0x9E3779B9)))
+    return owen(index, key(pixel, dimension)), owen(pascal(index), key(pixel, dimension + 1))
+
+
+@inlined
+def pascal(x):
+    """Second coordinate of the Sobol points of numbers x, its bits reversed: ``sobol_reversed`` for lanes.
+
+    Its direction numbers are the rows of Pascal's triangle modulo 2, (1 + y)^i for bit i: the polynomial whose
+    coefficients are the bits of x, taken at 1 + y. Halves of it are shifted and added, in five steps.
+    """
+    x = x ^ ((x & np.uint32(0xAAAAAAAA)) >> np.uint32(1))
+    x = x ^ ((x & np.uint32(0xCCCCCCCC)) >> np.uint32(2))
+    x = x ^ ((x & np.uint32(0xF0F0F0F0)) >> np.uint32(4))
+    x = x ^ ((x & np.uint32(0xFF00FF00)) >> np.uint32(8))
+    return x ^ ((x & np.uint32(0xFFFF0000)) >> np.uint32(16))
+
+
+@specialised(path_bits)
+def _path_bits(sampler, pixel, sample, dimension):
+    takes = {Sobol: _sobol_bits, Stratified: _independent_bits, Independent: _independent_bits}
+    take = takes[sampler.instance_class]
+    return lambda sampler, pixel, sample, dimension: take(sampler, pixel, sample, dimension)

@@ -93,7 +93,7 @@ def _make(content: bytes, order: Order) -> RenderThreads:
     alike = [threads for other, threads in _threads.items() if other.scene == order.scene]
     scene = alike[0].scene if alike else loads(content)
     plan = make_plan(scene)
-    traits = traits_of(scene, plan, order.precision, order.settings.sampler)
+    traits = traits_of(scene, plan, order.precision, order.settings)
     with on_compile(partial(_compile, traits)):
         threads = RenderThreads(scene, plan, order.precision, order.settings)
         threads.load_kernels()

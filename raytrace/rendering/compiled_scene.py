@@ -1,6 +1,6 @@
 """Compiled scenes: trees and tables of a scene in one precision, built once and kept as long as the scene lives."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -10,7 +10,11 @@ from raytrace.accel.bvh import BVH
 from raytrace.memory import Trees, check_tree
 from raytrace.passes.light import triangles_at
 from raytrace.records import REFRACTIVE, Scene, Shading
+from raytrace.scene.path_plan import needs_paths
 from raytrace.scene.plan import Plan, make_plan
+
+if TYPE_CHECKING:
+    from raytrace.rendering.path_scene import PathScene
 
 
 class CompiledScene(NamedTuple):
@@ -27,6 +31,7 @@ class CompiledScene(NamedTuple):
     light_flux: NDArray[np.floating]  # (l, 3) f
 
 
+_paths: WeakKeyDictionary[Scene, dict[tuple[str, str], "PathScene"]] = WeakKeyDictionary()  # precision, integrator
 _compiled: WeakKeyDictionary[Scene, dict[str, CompiledScene]] = WeakKeyDictionary()  # by precision
 
 
@@ -53,6 +58,18 @@ def plan_of(scene: Scene) -> Plan:
     for compiled in _compiled.get(scene, {}).values():
         return compiled.plan
     return make_plan(scene)
+
+
+def paths_of(scene: Scene, compiled: CompiledScene, integrator: str) -> "PathScene | None":
+    """Return the tables of path tracing for a compiled scene; None where it does not need them."""
+    if not needs_paths(scene, integrator):
+        return None
+    from raytrace.rendering.path_scene import make_path_scene
+
+    known, key = _paths.setdefault(scene, {}), (compiled.bvh.precision, integrator)
+    if key not in known:
+        known[key] = make_path_scene(scene, compiled.bvh, integrator)
+    return known[key]
 
 
 def trees_of(scene: Scene, plan: Plan, precision: str) -> Trees:
@@ -100,7 +117,7 @@ def _material_table(scene: Scene, dtype: np.dtype) -> NDArray[np.floating]:
 
 def _shadow_bvhs(scene: Scene, bvh: BVH, positions: NDArray[np.floating]) -> tuple[BVH, ...]:
     """Return the trees for the shadow rays of each light: ``bvh`` itself where no triangle is left out."""
-    if not len(positions):
+    if not len(positions) or needs_paths(scene, "direct"):  # path tracing has trees of its own
         return ()
     mesh, kind = scene.mesh, (bvh.precision, bvh.split, bvh.triangle)
     stops = ~scene.materials.transparent_shadow[mesh.material_id]

@@ -26,10 +26,13 @@ from raytrace.passes.surface import surface
 from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Columns, Lights, Materials, Mesh, Rays, Scene, Settings
 from raytrace.rendering.compiled_scene import compile_scene
 from raytrace.rendering.wavefront import Wavefront
+from raytrace.scene.path_plan import needs_paths
 from raytrace.scene.plan import Plan, make_plan
 
 if TYPE_CHECKING:
     from raytrace.native.workers import Task
+    from raytrace.rendering.path_kernels import PathNeeds
+    from raytrace.rendering.path_wavefront import PathWavefront
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]  # a kernel and its arguments
 
@@ -45,14 +48,21 @@ class Traits(NamedTuple):
     large: bool = False  # a mesh has more than `SMALL_MESH` triangles
     layers: bool = False  # there are layers (AOVs)
     adaptive: bool = False  # there is a target error
+    path: "PathNeeds | None" = None  # what path tracing needs; None: it does not run
 
 
 def traits_of(
-    scene: Scene, plan: Plan, precision: str, sampler: str, *, layers: bool = False, adaptive: bool = False
+    scene: Scene, plan: Plan, precision: str, settings: Settings, *, layers: bool = False, adaptive: bool = False
 ) -> Traits:
     """Return the traits of a render of a scene."""
     large = len(scene.mesh.faces) > SMALL_MESH
-    return Traits(precision, sampler, plan.smooth, plan.refraction, plan.lights > 0, large, layers, adaptive)
+    path = None
+    if needs_paths(scene, settings.integrator):
+        from raytrace.rendering.path_kernels import path_needs_of
+
+        path = path_needs_of(scene, settings.integrator)
+    kinds = plan.smooth, plan.refraction, plan.lights > 0
+    return Traits(precision, settings.sampler, *kinds, large, layers, adaptive, path)
 
 
 def needs(traits: Traits) -> list[Call]:
@@ -60,7 +70,16 @@ def needs(traits: Traits) -> list[Call]:
     scene = _small_scene(traits)
     compiled = compile_scene(scene, make_plan(scene), traits.precision)
     view = make_view(scene.camera, scene.settings.size, np.dtype(traits.precision))
-    front = Wavefront(compiled, view, make_sampler(traits.sampler, 0, 1), PACKET)
+    sampler = make_sampler(traits.sampler, 0, 1)
+    front: Any = Wavefront(compiled, view, sampler, PACKET)
+    if traits.path is not None:
+        from raytrace.rendering.path_kernels import small_scene
+        from raytrace.rendering.path_scene import make_path_scene
+        from raytrace.rendering.path_wavefront import PathWavefront
+
+        scene = small_scene(traits.path, scene)
+        bvh = BVH(scene.mesh.vertices, scene.mesh.faces, traits.precision)
+        front = PathWavefront(make_path_scene(scene, bvh, traits.path.integrator), view, sampler, PACKET)
     calls = list(tracing(front))
     if traits.large:
         calls += _building(np.dtype(traits.precision), compiled.bvh.triangle)
@@ -124,8 +143,21 @@ def _rays(dtype: np.dtype) -> Rays:
     return Rays(columns, columns, columns, columns)
 
 
-def tracing(front: Wavefront) -> Iterator[Call]:
+def tracing(front: "Wavefront | PathWavefront") -> Iterator[Call]:
     """Yield the kernels that a wavefront calls."""
+    if isinstance(front, Wavefront):
+        yield from _tracing(front)
+    else:
+        from raytrace.rendering.path_kernels import path_tracing
+
+        yield from path_tracing(front, _rays(front.radiance.dtype))
+    film = make_film(PACKET)
+    yield accumulate, (front.radiance, 0, 0, film.sums, 0, PACKET)
+    yield errors, (film.sums.reshape(-1), 0, np.zeros(7), np.zeros(3 * PACKET), film.variance, film.error)
+    yield develop, (film, np.zeros(0, np.int64), 0, 0, make_frame(0))
+
+
+def _tracing(front: Wavefront) -> Iterator[Call]:
     compiled, samples, dtype = front.compiled, front.samples, front.radiance.dtype
     colour = np.zeros(3, dtype)
     yield query.closest_hit, (compiled.bvh.tree, _rays(dtype), samples.hits, 0, front.work)
@@ -139,10 +171,6 @@ def tracing(front: Wavefront) -> Iterator[Call]:
         yield surface, (compiled.shading, compiled.normals, samples.d, samples.hits, front.points)
         yield shadow_rays, (front.points, colour, front.shadows)
         yield reflect_light, (compiled.shading, front.points, front.shadows, colour, front.radiance)
-    film = make_film(PACKET)
-    yield accumulate, (front.radiance, 0, 0, film.sums, 0, PACKET)
-    yield errors, (film.sums.reshape(-1), 0, np.zeros(7), np.zeros(3 * PACKET), film.variance, film.error)
-    yield develop, (film, np.zeros(0, np.int64), 0, 0, make_frame(0))
     yield background, (samples.hits, front.radiance, colour)
     if compiled.plan.refraction:
         yield land, (samples, 0, samples)

@@ -37,6 +37,7 @@ def render(
     precision: str | None = None,
     sampler: str | None = None,
     *,
+    integrator: str | None = None,
     threads: int | None = None,
     progress: Callable[[Progress], None] | Literal[False] | None = None,
     aov: Sequence[str] = (),
@@ -56,6 +57,8 @@ def render(
     spp, size, seed, precision, sampler : optional
         Samples per pixel; image size (width, height) in pixels; random seed, 0 .. 2**32 - 1; "auto", "float32" or
         "float64"; "sobol", "stratified" or "independent". Default: the scene's settings.
+    integrator : {"direct", "path"}, optional
+        Light that comes straight from the lights, or all the light. Default: what the scene says.
     threads : int, optional
         Number of threads. Default: one per core that the process may use. The image is bit-identical for any number.
     progress : callable or False, optional
@@ -107,7 +110,7 @@ def render(
         scene = load(scene, max_memory=max_memory)
     target = _target_of(target_error)
     most = adaptive.CAP if spp is None and target is not None else spp
-    settings = override(scene.settings, most, size, seed, precision, sampler)
+    settings = override(scene.settings, most, size, seed, precision, sampler, integrator=integrator)
     window = window_of(settings.size, crop)
     layers, limit, count = layers_of(aov), seconds_of(time_limit), parallel.thread_count(threads)
     plan = plan_of(scene)
@@ -177,12 +180,21 @@ def _size_of(value: Any) -> tuple[int, int]:
     return width, height
 
 
-def override(settings: Settings, spp: Any, size: Any, seed: Any, precision: Any, sampler: Any) -> Settings:
+CHOICES = {
+    "precision": ("auto", "float32", "float64"),
+    "sampler": ("sobol", "stratified", "independent"),
+    "integrator": ("direct", "path"),
+}
+
+
+def override(
+    settings: Settings, spp: Any, size: Any, seed: Any, precision: Any, sampler: Any, *, integrator: Any = None
+) -> Settings:
     """Return the scene's settings, replaced by the caller's where these are not None, and checked."""
     given = {"spp": spp, "size": size, "seed": seed, "precision": precision, "sampler": sampler}
+    given["integrator"] = integrator
     settings = settings._replace(**{name: value for name, value in given.items() if value is not None})
-    choices = {"precision": ("auto", "float32", "float64"), "sampler": ("sobol", "stratified", "independent")}
-    for name, allowed in choices.items():
+    for name, allowed in CHOICES.items():
         if getattr(settings, name) not in allowed:
             raise OptionError(f"{name}: expected one of {', '.join(allowed)}, got {getattr(settings, name)!r}")
     return settings._replace(

@@ -49,7 +49,7 @@ class Run:
         self.job, self.tiling, self.checkpoint, self.listener = job, tiling, checkpoint, listener
         self._cluster = cluster
         self._workers: RenderThreads | Cluster | None = cluster
-        model = MODELS[job.settings.sampler]
+        model = MODELS["independent" if job.paths else job.settings.sampler]
         self.film_tiles = FilmTiles(job.window, model)
         self.sampler = None
         if job.target is not None:
@@ -225,7 +225,7 @@ class Run:
 
         self._send("compiling", 0, 1)
         job, also = self.job, {"layers": self.with_layers, "adaptive": self.sampler is not None}
-        traits = traits_of(job.scene, job.plan, job.precision, job.settings.sampler, **also)
+        traits = traits_of(job.scene, job.plan, job.precision, job.settings, **also)
         compile_ahead([traits], partial(self._send, "compiling"))
 
     def _developed(self) -> Frame:
@@ -263,6 +263,7 @@ class Run:
             "seed": settings.seed,
             "precision": self.job.precision,
             "samples": int(self.samples.min()),
+            **({} if settings.integrator == "direct" else {"integrator": settings.integrator}),
             "complete": complete,
             "seconds": round(seconds, 4),
         }

@@ -5,7 +5,7 @@ import threading
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
 
@@ -14,15 +14,20 @@ from raytrace.jit import load_all
 from raytrace.passes.camera import make_view
 from raytrace.passes.sampling import make_sampler
 from raytrace.records import Scene, Settings
-from raytrace.rendering.compiled_scene import compiled_of
+from raytrace.rendering.compiled_scene import compiled_of, paths_of
 from raytrace.rendering.film_tiles import LONG, FilmTile, FilmTiles, blank
 from raytrace.rendering.wavefront import BATCH, Wavefront
 from raytrace.scene.plan import Plan
+
+if TYPE_CHECKING:
+    from raytrace.rendering.path_wavefront import PathWavefront
 
 LEAST = 1 << 20  # samples: fewer never take long; on two cores of 2020 so many take 0.01 to 1 s
 SPOTS, SAMPLES = 16, 4  # to estimate the time: places of the film where samples are taken; samples of each pixel there
 
 _loaded: set[tuple[Any, ...]] = set()  # kinds of wavefronts whose kernels this process has loaded
+
+AnyWavefront = Union[Wavefront, "PathWavefront"]
 
 
 class RenderThreads:
@@ -42,19 +47,21 @@ class RenderThreads:
         self.scene, self.compiled = scene, compiled_of(scene, plan, precision)
         self._view = make_view(scene.camera, settings.size, np.dtype(precision))
         self._sampler = make_sampler(settings.sampler, settings.seed, settings.spp)
+        self._paths = paths_of(scene, self.compiled, settings.integrator)
         self._local = threading.local()
-        self._wavefronts: list[Wavefront] = []
-        self._idle: list[Wavefront] = []  # of threads that have ended
+        self._wavefronts: list[AnyWavefront] = []
+        self._idle: list[AnyWavefront] = []  # of threads that have ended
 
     def load_kernels(self) -> None:
         """Load machine code in the calling thread, which can be interrupted, before other threads need it."""
         compiled = self.compiled
         plan, leaves = compiled.plan, type(compiled.bvh.tree.leaves)
-        kind = compiled.bvh.precision, leaves, type(self._sampler), plan.smooth, plan.refraction, plan.lights > 0
+        kind: tuple[Any, ...] = (compiled.bvh.precision, leaves, type(self._sampler), plan.smooth)
+        kind += (plan.refraction, plan.lights > 0) if self._paths is None else self._paths.kernel_key()
         if kind not in _loaded:
             from raytrace.rendering.kernels import tracing
 
-            load_all(tracing(Wavefront(compiled, self._view, self._sampler, PACKET)))
+            load_all(tracing(self._make(PACKET)))
             _loaded.add(kind)
 
     def draw(self, tile: FilmTile, first: int, last: int, over: Callable[[], bool] = lambda: False) -> int:
@@ -75,14 +82,22 @@ class RenderThreads:
             done = after
         return done
 
-    def _wavefront(self, n: int) -> Wavefront:
+    def _make(self, n: int) -> "AnyWavefront":
+        """A new wavefront for batches of n samples."""
+        if self._paths is None:
+            return Wavefront(self.compiled, self._view, self._sampler, n)
+        from raytrace.rendering.path_wavefront import PathWavefront
+
+        return PathWavefront(self._paths, self._view, self._sampler, n)
+
+    def _wavefront(self, n: int) -> "AnyWavefront":
         """Wavefront of the calling thread for batches of n samples."""
-        front: Wavefront | None = getattr(self._local, "front", None)
+        front: AnyWavefront | None = getattr(self._local, "front", None)
         if front is None:
             with contextlib.suppress(IndexError):  # none is left
                 front = self._local.front = self._idle.pop()
         if front is None or n > front.most:
-            front = self._local.front = Wavefront(self.compiled, self._view, self._sampler, max(n, BATCH))
+            front = self._local.front = self._make(max(n, BATCH))
             self._wavefronts.append(front)
             self._local.__dict__.setdefault("all", []).append(front)
         if n != front.n:
@@ -135,7 +150,7 @@ class RenderThreads:
         return _tally(list(self._wavefronts))[1]
 
 
-def _tally(wavefronts: Iterable[Wavefront]) -> tuple[Counter[str], dict[str, float]]:
+def _tally(wavefronts: Iterable[AnyWavefront]) -> tuple[Counter[str], dict[str, float]]:
     rays, seconds = Counter[str](), defaultdict[str, float](float)
     for wavefront in wavefronts:
         rays.update(wavefront.rays)

@@ -10,7 +10,7 @@ import numpy as np
 from raytrace.errors import FileError, FileMemoryError, SceneError
 from raytrace.limits import MAX_TRIANGLES
 from raytrace.memory import Allowance, Joining
-from raytrace.records import DIFFUSE, REFRACTIVE, Camera, Lights, Materials, RawMesh, Scene, Settings
+from raytrace.records import Camera, RawMesh, Scene, Settings
 from raytrace.scene import checks
 from raytrace.scene.files import Reach
 from raytrace.scene.joining import MeshWarning, join
@@ -19,6 +19,7 @@ from raytrace.scene.meshes.reading import read_mesh
 from raytrace.scene.positions import Origins
 from raytrace.scene.problems import MAX_PROBLEMS, Problem, shape_problem
 from raytrace.scene.shapes import make_shape, shape_of, shape_size, sphere_frequency
+from raytrace.scene.tables import lights_of, materials_of
 from raytrace.scene.text import Text
 from raytrace.scene.transforms import PlacedMesh, place
 
@@ -56,20 +57,24 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
     view = scene.camera
     camera = Camera(np.array(view.position), np.array(view.look_at), np.array(view.up), view.fov)
     background = np.array(scene.background)
-    materials = _materials(scene)
-    lights = Lights(
-        position=np.array([light.position for light in scene.lights]).reshape(-1, 3),
-        flux=np.array([light.flux for light in scene.lights]).reshape(-1, 3),
-    )
+    materials = materials_of(scene)
     render = scene.render
     made = Scene(
         source=path,
         about=scene.about,
         camera=camera,
-        settings=Settings(scene.film.size, render.spp, render.max_depth, render.sampler, render.precision, render.seed),
+        settings=Settings(
+            scene.film.size,
+            render.spp,
+            render.max_depth,
+            render.sampler,
+            render.precision,
+            render.seed,
+            render.integrator,
+        ),
         background=background,
         materials=materials,
-        lights=lights,
+        lights=lights_of(scene),
         mesh=mesh,
         objects=names,
         warnings=(),
@@ -166,18 +171,6 @@ def _afford(joining: Joining, allowance: Allowance, making: float = 0.0) -> None
         raise _TooLargeError(f"with this object there are {joining.triangles:,} triangles; at most {MAX_TRIANGLES:,}")
     if lacks := allowance.lacks(joining.total() + making, "simplify the meshes, or use fewer objects"):
         raise _TooMuchMemoryError(f"memory: the scene, of {joining.triangles:,} triangles with this object, {lacks}")
-
-
-def _materials(scene: Any) -> Materials:
-    kinds = list(scene.materials.values())
-    return Materials(
-        name=tuple(scene.materials),
-        kind=np.array([DIFFUSE if m.type == "diffuse" else REFRACTIVE for m in kinds], np.int8),
-        albedo=np.array([m.albedo if m.type == "diffuse" else (1, 1, 1) for m in kinds], np.float64),
-        ior=np.array([m.ior if m.type == "refractive" else 1 for m in kinds], np.float64),
-        two_sided=np.array([m.type == "diffuse" and m.two_sided for m in kinds]),
-        transparent_shadow=np.array([m.type == "refractive" and m.shadows == "transparent" for m in kinds]),
-    )
 
 
 def _names(scene: Any) -> tuple[str, ...]:

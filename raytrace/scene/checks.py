@@ -6,8 +6,10 @@ values of the wrong form, because ``format.py`` reports these.
 
 import math
 from collections.abc import Iterator
+from itertools import chain, islice
 from typing import TYPE_CHECKING, Any
 
+from raytrace.scene.check_light import check_lights, check_materials, emits
 from raytrace.scene.positions import Path
 from raytrace.scene.problems import HINTED, MAX_PROBLEMS, Problem, unknown_name
 
@@ -82,6 +84,7 @@ def check(data: dict[str, Any]) -> list[Problem]:
     list of Problem
     """
     problems = list(_check_camera(data.get("camera")))
+    problems += islice(chain(check_lights(data), check_materials(data)), MAX_PROBLEMS)
     materials = data.get("materials")
     objects = data.get("objects")
     for i, entry in enumerate(objects if isinstance(objects, list) else []):
@@ -109,7 +112,7 @@ def warn(data: dict[str, Any]) -> list[Problem]:
     list of Problem
     """
     found = []
-    if not data.get("lights"):
+    if not data.get("lights") and not any(map(emits, data["materials"].values())):
         found.append(Problem(("lights",), "no lights: all surfaces will be black"))
     used = {entry["material"] for entry in data["objects"]}
     for name in data["materials"]:

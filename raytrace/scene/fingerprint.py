@@ -16,10 +16,13 @@ def fingerprint(scene: "Scene") -> str:
     camera, digest = scene.camera, hashlib.sha256()
     content = {"fov": camera.fov, "max_depth": scene.settings.max_depth, "background": scene.background}
     content |= {"position": camera.position, "look_at": camera.look_at, "up": camera.up}
-    for record in (scene.materials, scene.lights, scene.mesh):
+    if scene.settings.integrator != "direct":
+        content["integrator"] = np.frombuffer(scene.settings.integrator.encode(), np.uint8)
+    others = [record for record in (scene.lights.spots, scene.lights.directions) if record is not None]
+    for record in (scene.materials, scene.lights, scene.mesh, *others):
         content |= {f"{type(record).__name__}.{key}": value for key, value in record._asdict().items()}
     for key, value in content.items():
-        if key not in LEFT_OUT and value is not None:
+        if key not in LEFT_OUT and value is not None and not isinstance(value, tuple):
             array = np.ascontiguousarray(value)
             digest.update(f"{key} {array.dtype.str} {array.shape}".encode())
             digest.update(array.astype(array.dtype.newbyteorder("<"), copy=False).data)

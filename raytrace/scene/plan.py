@@ -8,6 +8,7 @@ import numpy as np
 
 from raytrace.errors import printable
 from raytrace.records import REFRACTIVE, Scene
+from raytrace.scene.path_plan import light_words, needs_paths, path_left_out, path_passes
 from raytrace.scene.precision import Precision, choose_precision
 
 
@@ -21,6 +22,9 @@ class Plan:
     refraction, smooth, transparent : bool
         Whether there are refractive surfaces, interpolated normals, and surfaces that let shadow rays pass.
     lights : int
+        Point lights.
+    paths : bool
+        Whether the passes of path tracing run: for ``integrator`` "path", and for materials and lights that need them.
     passes : tuple of (str, str)
         Name and cost driver of each pass that runs, in order.
     left_out : tuple of (str, str)
@@ -36,6 +40,7 @@ class Plan:
     smooth: bool
     transparent: bool
     lights: int
+    paths: bool
     passes: tuple[tuple[str, str], ...]
     left_out: tuple[tuple[str, str], ...]
     warnings: tuple[str, ...] = ()
@@ -79,17 +84,19 @@ def make_plan(scene: Scene) -> Plan:
     refraction, smooth = len(refractive) > 0, scene.mesh.normals is not None
     transparent = bool(scene.materials.transparent_shadow[refractive].any())
     lights = len(scene.lights.flux)
+    paths = needs_paths(scene, scene.settings.integrator)
     return Plan(
         about=scene.about,
         holds=f"{len(scene.mesh.faces):,} triangles in {_count(len(scene.objects), 'object')}, "
-        f"{_count(len(used), 'material')}, {_count(lights, 'point light')}",
+        f"{_count(len(used), 'material')}, {light_words(scene)}",
         precision=choose_precision(scene),
         refraction=refraction,
         smooth=smooth,
         transparent=transparent,
         lights=lights,
-        passes=_passes(scene, refraction, smooth, transparent),
-        left_out=_left_out(refraction, smooth, transparent, lights),
+        paths=paths,
+        passes=path_passes(scene) if paths else _passes(scene, refraction, smooth, transparent),
+        left_out=path_left_out(scene) if paths else _left_out(refraction, smooth, transparent, lights),
         warnings=scene.warnings,
     )
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from raytrace.records import REFRACTIVE, Hits, Scene
 from raytrace.scene.load import load
 from raytrace.textbook.camera import pinhole_rays, stratified
+from raytrace.textbook.path import path_trace
 from raytrace.textbook.shading import Point, direct_light, pass_interface, surface_at
 from raytrace.textbook.tree import Tree, median_split, traverse
 
@@ -103,5 +104,9 @@ def render(
     tree, blockers = build_trees(scene)
     o, d = pinhole_rays(scene.camera, size, positions.reshape(-1, 2))
     batches = [slice(k, k + BATCH) for k in range(0, len(o), BATCH)]
-    radiance = np.concatenate([integrate(scene, tree, blockers, o[batch], d[batch]) for batch in batches])
-    return radiance.reshape(*positions.shape[:3], 3).mean(axis=2)
+    if scene.settings.integrator == "path":
+        rng = np.random.default_rng([seed, 1])
+        found = [path_trace(scene, tree, blockers, o[batch], d[batch], rng) for batch in batches]
+    else:
+        found = [integrate(scene, tree, blockers, o[batch], d[batch]) for batch in batches]
+    return np.concatenate(found).reshape(*positions.shape[:3], 3).mean(axis=2)

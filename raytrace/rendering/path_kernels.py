@@ -1,0 +1,144 @@
+"""Kernels that path tracing needs, with arguments of the kinds that it gives them."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from raytrace.accel import query
+from raytrace.accel.lanes import PACKET
+from raytrace.passes import lights, materials, paths
+from raytrace.passes.camera import camera_rays
+from raytrace.records import (
+    CONDUCTOR,
+    DIELECTRIC,
+    MIRROR,
+    REFRACTIVE,
+    Directions,
+    Lights,
+    Materials,
+    Rays,
+    Scene,
+    Spots,
+)
+from raytrace.rendering.path_wavefront import PathWavefront
+
+Call = tuple[Callable[..., Any], tuple[Any, ...]]  # a kernel and its arguments
+
+
+class PathNeeds(NamedTuple):
+    """What of a scene decides which kernels path tracing needs."""
+
+    integrator: str
+    kinds: tuple[int, ...]  # of materials
+    points: bool
+    spots: bool
+    directions: bool
+    environment: bool
+    lamps: bool
+    background: bool
+    transparent: bool  # shadow rays pass a surface
+
+
+def path_needs_of(scene: Scene, integrator: str) -> PathNeeds:
+    """What of a scene decides which kernels path tracing needs."""
+    used = np.flatnonzero(np.bincount(scene.mesh.material_id))
+    emission = scene.materials.emission
+    return PathNeeds(
+        integrator,
+        tuple(sorted(set(scene.materials.kind[used].tolist()))),
+        bool((scene.lights.flux > 0).any()),
+        scene.lights.spots is not None,
+        scene.lights.directions is not None,
+        scene.lights.environment is not None,
+        emission is not None and bool((emission[used] > 0).any()),
+        bool(scene.background.any()),
+        bool(scene.materials.transparent_shadow[used].any()),
+    )
+
+
+def small_scene(needs: PathNeeds, scene: Scene) -> Scene:
+    """Few triangles that have it all, made from a scene of two triangles."""
+    kinds = np.array(needs.kinds, np.int8)
+    n = len(kinds)
+    one, none = np.ones((n, 3)), np.zeros(n, np.bool_)
+    names = tuple(map(str, range(n)))
+    transparent = np.full(n, needs.transparent) & ((kinds == REFRACTIVE) | (kinds == DIELECTRIC))
+    table = Materials(names, kinds, one, np.ones(n), none, transparent, one if needs.lamps else None, one, one)
+    up, vector = np.array([[0.0, 1.0, 0.0]]), np.ones((1, 3))
+    place = np.array([[0.0, 0.0, 3.0]])
+    sources = Lights(
+        position=place if needs.points else place[:0],
+        flux=vector if needs.points else vector[:0],
+        spots=Spots(place, up, vector, np.ones(1), np.ones(1) / 2) if needs.spots else None,
+        directions=Directions(up, vector) if needs.directions else None,
+        environment=np.ones(3) if needs.environment else None,
+    )
+    mesh = scene.mesh
+    rows = np.arange(max(n, 1)) % len(mesh.faces)
+    mesh = mesh._replace(
+        faces=mesh.faces[rows],
+        normals=None if mesh.normals is None else mesh.normals[rows],
+        material_id=np.arange(len(rows), dtype=np.int32),
+        object_id=np.zeros(len(rows), np.int32),
+    )
+    background = np.ones(3) if needs.background else np.zeros(3)
+    settings = scene.settings._replace(integrator=needs.integrator)
+    return replace(scene, materials=table, lights=sources, mesh=mesh, background=background, settings=settings)
+
+
+def path_tracing(front: PathWavefront, rays: Rays) -> Iterator[Call]:
+    """Kernels that a wavefront of paths calls; ``rays`` are any of its precision."""
+    scene, here, vertices, incident = front.scene, front.paths, front.vertices, front.incident
+    pixels, numbers = np.zeros(PACKET, np.uint32), np.zeros(2, np.int64)
+    yield query.closest_hit, (scene.bvh.tree, rays, here.rays.hits, 0, front.work)
+    if front.samples_lights:
+        yield query.any_hit, (scene.shadow_bvh.tree, rays, incident.occluded, 0, front.work)
+    yield camera_rays, (front.view, front.sampler, pixels, pixels, numbers, here.rays.d)
+    yield paths.begin_paths, (front.sampler.seed, pixels, pixels, numbers, here, front.radiance)
+    if scene.lamps:
+        yield paths.see_lamps, (here, 0, scene.shading, scene.surfaces, front.radiance)
+    if scene.environment is not None:
+        yield paths.see_environment, (here, 0, scene.environment, front.radiance)
+    elif scene.background is not None:
+        yield paths.see_background, (here, 0, scene.background, front.radiance)
+    yield paths.meet_surfaces, (here, 0, scene.shading, scene.normals, vertices)
+    if front.samples_lights:
+        yield from _light_calls(front)
+        yield paths.add_light, (here, 0, incident, front.radiance)
+    yield from _material_calls(front)
+    yield paths.go_on, (here, 0, 1, front.others)
+
+
+def _light_calls(front: PathWavefront) -> Iterator[Call]:
+    scene, here, vertices, incident = front.scene, front.paths, front.vertices, front.incident
+    table, kinds = scene.lights, scene.light_kinds
+    yield lights.pick_lights, (front.sampler, here, 0, 1, table, scene.surfaces, vertices, incident)
+    if lights.TRIANGLE in kinds:
+        yield lights.sample_triangles, (front.sampler, here, 0, 1, table, scene.shading, vertices, incident)
+    if lights.POINT in kinds:
+        yield lights.sample_points, (here, 0, table, vertices, incident)
+    if lights.SPOT in kinds:
+        yield lights.sample_spots, (here, 0, table, vertices, incident)
+    if lights.DIRECTIONAL in kinds:
+        yield lights.sample_directions, (here, 0, table, vertices, incident)
+    if lights.ENVIRONMENT in kinds:
+        yield lights.sample_environment, (front.sampler, here, 0, 1, table, vertices, incident)
+    if scene.passed_bvh is not None:
+        yield lights.claim_light, (0, incident)
+
+
+def _material_calls(front: PathWavefront) -> Iterator[Call]:
+    scene, here, vertices = front.scene, front.paths, front.vertices
+    surfaces, kinds = scene.surfaces, scene.kinds
+    if front.scatters:
+        yield materials.scatter_diffuse, (front.sampler, here, 0, 1, 0, surfaces, vertices, front.incident)
+    if MIRROR in kinds:
+        yield materials.reflect_mirrors, (here, 0, surfaces, vertices)
+    if CONDUCTOR in kinds:
+        yield materials.reflect_conductors, (here, 0, surfaces, vertices)
+    if DIELECTRIC in kinds:
+        yield materials.pass_dielectrics, (here, 0, 1, surfaces, vertices)
+    if REFRACTIVE in kinds:
+        yield materials.pass_interfaces, (here, 0, surfaces, vertices)

@@ -1,0 +1,91 @@
+"""A scene as path tracing uses it: its tree, its lights and its materials in one precision."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.accel.bvh import BVH
+from raytrace.passes import lights
+from raytrace.records import CONDUCTOR, LightTable, Scene, Shading, Surfaces
+from raytrace.rendering.light_table import make_light_table
+
+
+class PathScene(NamedTuple):
+    """A scene as path tracing uses it, in one precision."""
+
+    integrator: str  # "path"; "direct": a path ends after the first surface that scatters; "emission": before it
+    max_depth: int
+    bvh: BVH
+    shadow_bvh: BVH  # the same, without the surfaces that shadow rays pass
+    passed_bvh: BVH | None  # those surfaces alone; None: there are none, or no light that a path could find too
+    shading: Shading
+    normals: NDArray[np.floating] | None
+    surfaces: Surfaces
+    kinds: frozenset[int]  # of materials
+    lights: LightTable | None
+    light_kinds: frozenset[int]
+    lamps: bool  # whether any surface emits
+    environment: NDArray[np.floating] | None  # (4,) f: radiance, and the density of its sampling, 1 / sr
+    background: NDArray[np.floating] | None  # (3,) f; None: black
+
+    def kernel_key(self) -> tuple[Any, ...]:
+        """What decides which kernels this scene needs."""
+        light = self.light_kinds, self.lights is None, self.lamps, self.environment is None, self.background is None
+        return (self.integrator, self.kinds, *light, self.passed_bvh is None)
+
+
+def make_path_scene(scene: Scene, bvh: BVH, integrator: str) -> PathScene:
+    """Tables of a scene, for its tree."""
+    dtype, mesh = bvh.triangles.dtype, scene.mesh
+    used = np.flatnonzero(np.bincount(mesh.material_id))
+    table = make_light_table(scene, bvh)
+    stops = ~scene.materials.transparent_shadow[mesh.material_id]
+    shadow, passed = bvh, None
+    if not stops.all():
+        shadow = BVH(mesh.vertices, mesh.faces[stops], bvh.precision)
+        passed = BVH(mesh.vertices, mesh.faces[~stops], bvh.precision)
+    environment = None
+    if scene.lights.environment is not None and table is not None:
+        density = table.share[table.kind == lights.ENVIRONMENT].sum() / (4 * np.pi)
+        environment = np.append(scene.lights.environment, density).astype(dtype)
+    return PathScene(
+        integrator,
+        scene.settings.max_depth,
+        bvh,
+        shadow,
+        passed,
+        Shading(bvh.triangles.ravel(), mesh.material_id, np.zeros(0, dtype)),
+        None if mesh.normals is None else mesh.normals.astype(dtype).ravel(),
+        _surfaces(scene, table, dtype),
+        frozenset(scene.materials.kind[used].tolist()),
+        table,
+        frozenset() if table is None else frozenset(table.kind.tolist()),
+        table is not None and bool((table.kind == lights.TRIANGLE).any()),
+        environment,
+        scene.background.astype(dtype) if scene.background.any() else None,
+    )
+
+
+def _surfaces(scene: Scene, table: LightTable | None, dtype: np.dtype) -> Surfaces:
+    given = scene.materials
+    n = len(given.kind)
+    emission = np.zeros((n, 3)) if given.emission is None else given.emission
+    density = np.zeros(n)
+    if table is not None:  # share / area is the same for all triangles of a material: pi L / power of all lights
+        for row in np.flatnonzero(table.kind == lights.TRIANGLE)[::-1]:
+            material = scene.mesh.material_id[table.prim_id[row]]
+            density[material] = table.numbers.reshape(-1, lights.COLUMNS)[row, lights.DENSITY]
+    eta = np.repeat(given.ior[:, None], 3, axis=1)
+    if given.eta is not None:
+        eta = np.where((given.kind == CONDUCTOR)[:, None], given.eta, eta)
+    return Surfaces(
+        given.kind.astype(np.int32),
+        given.albedo.astype(dtype).ravel(),
+        emission.astype(dtype).ravel(),
+        density.astype(dtype),
+        eta.astype(dtype).ravel(),
+        (np.zeros((n, 3)) if given.k is None else given.k).astype(dtype).ravel(),
+        given.two_sided.astype(np.int32),
+        given.transparent_shadow.astype(np.int32),
+    )

@@ -1,0 +1,94 @@
+"""What of path tracing a scene needs, and what it leaves out."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.records import CONDUCTOR, DIELECTRIC, DIFFUSE, MIRROR, REFRACTIVE, Scene
+
+NAMES = {
+    DIFFUSE: "diffuse",
+    MIRROR: "mirror",
+    DIELECTRIC: "dielectric",
+    CONDUCTOR: "conductor",
+    REFRACTIVE: "refractive",
+}
+
+
+def needs_paths(scene: Scene, integrator: str) -> bool:
+    """Whether a scene needs the passes of path tracing, with this integrator."""
+    lights = scene.lights
+    others = (scene.materials.emission, lights.spots, lights.directions, lights.environment)
+    kinds = scene.materials.kind[_used(scene)]
+    simple = bool(((kinds == DIFFUSE) | (kinds == REFRACTIVE)).all())
+    return integrator == "path" or not simple or any(other is not None for other in others)
+
+
+def _used(scene: Scene) -> NDArray[np.intp]:
+    return np.flatnonzero(np.bincount(scene.mesh.material_id))  # np.unique would import numpy.ma, in 10 ms
+
+
+def light_words(scene: Scene) -> str:
+    """The lights of a scene in words."""
+    lights = scene.lights
+    counts = {"point light": len(lights.flux)}
+    if lights.spots is not None:
+        counts["spot light"] = len(lights.spots.cutoff)
+    if lights.directions is not None:
+        counts["directional light"] = len(lights.directions.direction)
+    if lights.environment is not None:
+        counts["environment"] = 1
+    if triangles := lamp_triangles(scene):
+        counts["emitting triangle"] = triangles
+    found = {noun: number for noun, number in counts.items() if number} or {"point light": 0}
+    return ", ".join(f"{number:,} {noun}{'' if number == 1 else 's'}" for noun, number in found.items())
+
+
+def lamp_triangles(scene: Scene) -> int:
+    """Number of triangles that emit light."""
+    emission = scene.materials.emission
+    return 0 if emission is None else int(np.any(emission > 0, axis=1).take(scene.mesh.material_id).sum())
+
+
+def path_passes(scene: Scene) -> tuple[tuple[str, str], ...]:
+    """Passes that run, and what they cost in rays per sample."""
+    depth, path = scene.settings.max_depth, scene.settings.integrator == "path"
+    kinds = set(scene.materials.kind[_used(scene)].tolist())
+    until = f"up to depth {depth}, with Russian roulette from depth 5" if path else f"up to depth {depth}"
+    rows = [("camera", "one ray per sample"), ("closest hit", "one query per ray")]
+    if lamp_triangles(scene) or scene.lights.environment is not None:
+        rows.append(("emission", "light that paths meet, weighted by multiple importance sampling"))
+    elif scene.background.any():
+        rows.append(("background", "seen through perfectly specular surfaces only"))
+    rows.append(("surface", "points and normals where paths meet surfaces"))
+    if DIFFUSE in kinds and _lit(scene):
+        rows.append(("light", "one light per surface that scatters, drawn by its power, and a point on it"))
+        rows.append(("shadow", "one ray per surface that scatters, to that point"))
+    for kind in sorted(kinds):
+        goes = "one ray more" if kind != DIFFUSE or path else "one ray more where it can meet a lamp or environment"
+        rows.append((NAMES[kind], f"{goes}, {until}"))
+    return (*rows, ("film", "twelve sums per pixel: three channels in four bins"))
+
+
+def _lit(scene: Scene) -> bool:
+    lights = scene.lights
+    others = (lights.spots, lights.directions, lights.environment)
+    return bool(len(lights.flux) or lamp_triangles(scene) or any(other is not None for other in others))
+
+
+def path_left_out(scene: Scene) -> tuple[tuple[str, str], ...]:
+    """What does not run, and why."""
+    kinds, lights = set(scene.materials.kind[_used(scene)].tolist()), scene.lights
+    rows = [
+        ("light and shadow passes", "there is no light, or nothing that scatters it", DIFFUSE in kinds and _lit(scene)),
+        ("sampling of lamps", "no surface emits", lamp_triangles(scene) > 0),
+        ("sampling of spot lights", "there is none", lights.spots is not None),
+        ("sampling of directional lights", "there is none", lights.directions is not None),
+        ("sampling of an environment", "there is none", lights.environment is not None),
+        *((f"{name} pass", f"no surface is {name}", kind in kinds) for kind, name in NAMES.items()),
+        ("indirect light", 'the integrator is "direct"', scene.settings.integrator == "path"),
+        ("normal interpolation", "all meshes are flat", scene.mesh.normals is not None),
+        ("layers (AOVs)", "stored only when asked for", False),
+    ]
+    if scene.materials.transparent_shadow[_used(scene)].any():
+        rows.append(("bending of shadow rays", 'a material has "shadows": "transparent", which is not physical', False))
+    return tuple((what, why) for what, why, needed in rows if not needed)

@@ -1,0 +1,110 @@
+"""Materials and lights of a valid scene as tables."""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace.records import (
+    CONDUCTOR,
+    DIELECTRIC,
+    DIFFUSE,
+    MIRROR,
+    REFRACTIVE,
+    Directions,
+    Lights,
+    Materials,
+    Spots,
+)
+from raytrace.scene.metals import INDEX
+
+KINDS = {
+    "diffuse": DIFFUSE,
+    "refractive": REFRACTIVE,
+    "mirror": MIRROR,
+    "dielectric": DIELECTRIC,
+    "conductor": CONDUCTOR,
+}
+
+
+def materials_of(scene: Any) -> Materials:
+    """Table of the materials of a valid scene."""
+    kinds = list(scene.materials.values())
+    emission = [getattr(m, "emission", None) or (0.0, 0.0, 0.0) for m in kinds]
+    index = [_index(m) for m in kinds] if any(m.type == "conductor" for m in kinds) else None
+    return Materials(
+        name=tuple(scene.materials),
+        kind=np.array([KINDS[m.type] for m in kinds], np.int8),
+        albedo=np.array([_reflectance(m) for m in kinds], np.float64),
+        ior=np.array([getattr(m, "ior", 1) for m in kinds], np.float64),
+        two_sided=np.array([m.type == "diffuse" and m.two_sided for m in kinds]),
+        transparent_shadow=np.array([getattr(m, "shadows", "opaque") == "transparent" for m in kinds]),
+        emission=np.array(emission, np.float64) if any(map(any, emission)) else None,
+        eta=None if index is None else np.array([eta for eta, _ in index], np.float64),
+        k=None if index is None else np.array([k for _, k in index], np.float64),
+    )
+
+
+def _reflectance(material: Any) -> tuple[float, ...]:
+    """Share of the light that a material reflects at normal incidence; 1 where that depends on the side."""
+    if material.type == "conductor":
+        eta, k = (np.array(values) for values in _index(material))
+        with np.errstate(invalid="ignore"):
+            share = ((eta - 1) ** 2 + k**2) / ((eta + 1) ** 2 + k**2)
+        return tuple(np.where(np.isinf(k), 1.0, share).tolist())
+    return tuple(getattr(material, "albedo", None) or getattr(material, "reflectance", None) or (1.0, 1.0, 1.0))
+
+
+def _index(material: Any) -> tuple[Sequence[float], Sequence[float]]:
+    """Index of refraction and absorption index of a conductor; 1 and 0 for another material.
+
+    A reflectance r at normal incidence is that of eta = 1 and k = 2 sqrt(r / (1 - r)).
+    """
+    if material.type != "conductor":
+        return (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+    if material.metal is not None:
+        return INDEX[material.metal]
+    if material.reflectance is not None:
+        k = [2 * math.sqrt(r / (1 - r)) if r < 1 else math.inf for r in material.reflectance]
+        return (1.0, 1.0, 1.0), k
+    return material.eta, material.k
+
+
+def lights_of(scene: Any) -> Lights:
+    """Tables of the lights of a valid scene, kind by kind."""
+    of = {
+        kind: [light for light in scene.lights if light.type == kind]
+        for kind in ("point", "spot", "directional", "environment")
+    }
+    spots, directions = of["spot"], of["directional"]
+    axes = np.array([np.subtract(light.look_at, light.position) for light in spots]).reshape(-1, 3)
+    ways = np.array([light.direction for light in directions]).reshape(-1, 3)
+    cutoff = np.array([light.cutoff for light in spots])
+    beam = np.array([0.75 * light.cutoff if light.beam is None else light.beam for light in spots])
+    return Lights(
+        position=_rows(light.position for light in of["point"]),
+        flux=_rows(light.flux for light in of["point"]),
+        spots=Spots(
+            _rows(light.position for light in spots),
+            _unit(axes),
+            _rows(light.intensity for light in spots),
+            np.radians(cutoff),
+            np.radians(beam),
+        )
+        if spots
+        else None,
+        directions=Directions(_unit(ways), _rows(light.irradiance for light in directions)) if directions else None,
+        environment=np.array(of["environment"][0].radiance) if of["environment"] else None,
+    )
+
+
+def _rows(vectors: Iterable[Sequence[float]]) -> NDArray[np.float64]:
+    return np.array(list(vectors), np.float64).reshape(-1, 3)
+
+
+def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit vectors; the largest component is brought to 1 first, so that no square overflows."""
+    scaled = vectors / np.abs(vectors).max(axis=1, keepdims=True)
+    return scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
