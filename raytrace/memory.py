@@ -27,6 +27,7 @@ JOINING, AVERAGING = 175, 390  # bytes per triangle of the largest object while 
 TREE, BUILDING = {4: 105, 8: 260}, {4: 215, 8: 460}  # bytes per triangle, by bytes of a float: a tree, and its build
 PIXEL, BIN, LAYERS, SEARCH = 82, 24, 58, 112  # bytes per pixel: film and image; a bin; layers; adaptive sampling
 SAMPLE, REFRACTED, SHADOW = 26, 18, 16  # floats per sample in flight: always, with refraction, with lights
+PATH = 69  # floats per sample in flight, of path tracing
 FIXED = 2**25  # bytes: code and threads
 
 
@@ -174,6 +175,7 @@ class Trees(NamedTuple):
     width: int  # bytes of a float
     refraction: bool
     lights: bool
+    paths: bool = False  # whether the passes of path tracing run
 
     def built(self) -> float:
         """Return the bytes of all trees."""
@@ -199,7 +201,7 @@ class RenderSize(NamedTuple):
 
     def samples(self, trees: Trees) -> float:
         """Return the bytes of the samples in flight."""
-        numbers = SAMPLE + REFRACTED * trees.refraction + SHADOW * trees.lights
+        numbers = PATH if trees.paths else SAMPLE + REFRACTED * trees.refraction + SHADOW * trees.lights
         return float(self.batch * trees.width * numbers)
 
     def total(self, trees: Trees) -> float:

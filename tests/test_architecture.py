@@ -25,7 +25,14 @@ MAX_ARGUMENTS = 6  # that may be given by position
 # "file" or "file:function" -> why it may be longer, or take more
 LONG_FILES: dict[str, str] = {}
 LONG_BODIES: dict[str, str] = {}
-MANY_ARGUMENTS: dict[str, str] = {}
+RECORDS = "a kernel takes its records one by one: their types decide what is compiled"
+MANY_ARGUMENTS: dict[str, str] = {
+    "passes/lights.py:pick_lights": RECORDS,
+    "passes/lights.py:sample_triangles": RECORDS,
+    "passes/lights.py:sample_environment": RECORDS,
+    "passes/materials.py:scatter_diffuse": RECORDS,
+    "passes/materials.py:send": "all that a material says of how a path goes on",
+}
 
 NUMBA = (  # the compiler, and the type that it is taught
     "accel/lanes_jit.py",

@@ -14,9 +14,9 @@ from raytrace.cli.main import main
 from raytrace.native import store
 from raytrace.native.fallback import Unavailable
 from raytrace.rendering import warmup
+from shipped_scenes import SCENES
 
 ROOT = Path(__file__).parents[1]
-SCENES = sorted((ROOT / "scenes").glob("*.json"))
 pytestmark = pytest.mark.skipif(jit.PLAIN, reason="kernels are plain functions")
 DRAW = """
 import json, sys

@@ -23,7 +23,7 @@ from raytrace.accel.lanes import (
 from raytrace.accel.vectors import choose3, dot, scaled
 from raytrace.jit import inlined, kernel
 from raytrace.passes.paths import LIGHT, LIGHT_U, random_bits, uniform2
-from raytrace.passes.sampling import unit
+from raytrace.passes.sampling import unit_interval
 from raytrace.passes.surface import load3, point_on, row_of, spawn, store3
 from raytrace.passes.warp import sphere, triangle
 from raytrace.records import DIFFUSE
@@ -61,7 +61,7 @@ def pick_lights(sampler, paths, n, depth, table, surfaces, vertices, incident):
             continue
         which, whether = random_bits(sampler, paths, i, depth, LIGHT)
         row = to_rows(high_product(which, np.uint32(len(table.keep))), like)
-        kept = unit(whether, like) < gather(table.keep, row)
+        kept = unit_interval(whether, like) < gather(table.keep, row)
         row = select(kept, row, gather(table.other, row))
         store(incident.light, i, select(there, row, np.int32(-1)))
 

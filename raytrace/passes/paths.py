@@ -21,7 +21,7 @@ from raytrace.accel.lanes import (
 )  # fmt: skip
 from raytrace.accel.vectors import dot, scaled
 from raytrace.jit import inlined, kernel
-from raytrace.passes.sampling import independent_bits, key, mix, path_bits, pixel_key, unit
+from raytrace.passes.sampling import independent_bits, key, mix, path_bits, pixel_key, unit_interval
 from raytrace.passes.surface import load3, numbers_of, point_on, shading_normal, store3, vector_of
 
 # bits of Paths.state: no surface has scattered yet; the path ends at the next surface; it has ended; since a surface
@@ -56,14 +56,14 @@ def uniform2(sampler, paths, i, depth, number):
     """Two random numbers in [0, 1) of paths i, i + 1, ..."""
     like = packet(paths.pdf)
     a, b = random_bits(sampler, paths, i, depth, number)
-    return unit(a, like), unit(b, like)
+    return unit_interval(a, like), unit_interval(b, like)
 
 
 @inlined
 def uniform(paths, i, depth, number):
     """One random number in [0, 1) of paths i, i + 1, ..., independent of all others."""
     pixel, sample = load_keys(paths.key, paths, i), load_keys(paths.sample, paths, i)
-    return unit(mix(key(pixel, FIRST + PER_SURFACE * (depth - 1) + number) + sample), packet(paths.pdf))
+    return unit_interval(mix(key(pixel, FIRST + PER_SURFACE * (depth - 1) + number) + sample), packet(paths.pdf))
 
 
 @inlined

@@ -72,11 +72,12 @@ def paths_of(scene: Scene, compiled: CompiledScene, integrator: str) -> "PathSce
     return known[key]
 
 
-def trees_of(scene: Scene, plan: Plan, precision: str) -> Trees:
+def trees_of(scene: Scene, plan: Plan, precision: str, paths: bool = False) -> Trees:
     """Return what the memory of a compiled scene depends on."""
     triangles = 0 if is_compiled(scene, precision) else len(scene.mesh.faces)
     width = 4 if precision == "float32" else 8
-    return Trees(triangles, 1 + plan.transparent, width, plan.refraction, plan.lights > 0)
+    trees = 1 + (1 + paths) * plan.transparent
+    return Trees(triangles, trees, width, plan.refraction, plan.lights > 0, paths)
 
 
 def compile_scene(

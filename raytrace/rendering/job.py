@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import raytrace
 from raytrace.records import Scene, Settings, Window
-from raytrace.scene.path_plan import needs_paths
 from raytrace.scene.plan import Plan
 
 
@@ -21,11 +20,6 @@ class Job(NamedTuple):
     precision: str  # "float32" or "float64"
     target: float | None  # target error, RMSE in sRGB; None: all pixels have the same number of samples
     first_spp: int  # samples of every pixel before adaptive sampling starts; without a target error: all
-
-    @property
-    def paths(self) -> bool:
-        """Whether the passes of path tracing run."""
-        return needs_paths(self.scene, self.settings.integrator)
 
 
 class Tiling(NamedTuple):

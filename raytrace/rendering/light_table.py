@@ -23,7 +23,8 @@ from raytrace.passes.lights import (
     TOWARDS,
     TRIANGLE,
 )
-from raytrace.records import LightTable, Scene
+from raytrace.passes.path_records import LightTable
+from raytrace.records import Scene
 
 
 class Rows(NamedTuple):

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from raytrace.accel.bvh import BVH
 from raytrace.passes import lights
-from raytrace.records import CONDUCTOR, LightTable, Scene, Shading, Surfaces
+from raytrace.passes.path_records import LightTable, Surfaces
+from raytrace.records import CONDUCTOR, Scene, Shading
 from raytrace.rendering.light_table import make_light_table
 
 

@@ -14,19 +14,8 @@ from raytrace.passes import lights, materials, paths
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.columns import BATCH_COLUMNS, ColumnMemory, shortened_record
 from raytrace.passes.film import accumulate
-from raytrace.records import (
-    CONDUCTOR,
-    DIELECTRIC,
-    DIFFUSE,
-    MIRROR,
-    REFRACTIVE,
-    Columns,
-    Incident,
-    Paths,
-    Rays,
-    Vertices,
-    View,
-)
+from raytrace.passes.path_records import Incident, Paths, Vertices
+from raytrace.records import CONDUCTOR, DIELECTRIC, DIFFUSE, MIRROR, REFRACTIVE, Columns, Rays, View
 from raytrace.rendering.path_scene import PathScene
 
 PATH_COLUMNS, VERTEX_COLUMNS, INCIDENT_COLUMNS = BATCH_COLUMNS + 8, 12, 16
@@ -101,7 +90,6 @@ class PathWavefront:
                 self._pick_lights(here, n, depth)
                 self._lap("light")
             self._scatter(here, n, depth)
-            self._lap("material")
             if self.samples_lights:
                 self._add_light(here, n)
             n = paths.go_on(here, n, depth, there)
@@ -124,9 +112,11 @@ class PathWavefront:
             paths.see_lamps(here, n, scene.shading, scene.surfaces, self.radiance)
         if scene.environment is not None:
             paths.see_environment(here, n, scene.environment, self.radiance)
-        elif scene.background is not None and depth <= scene.max_depth:
+        if self.finds_light:
+            self._lap("emission")
+        if scene.environment is None and scene.background is not None and depth <= scene.max_depth:
             paths.see_background(here, n, scene.background, self.radiance)
-        self._lap("emission")
+            self._lap("background")
 
     def _pick_lights(self, here: Paths, n: int, depth: int) -> None:
         scene, table, kinds = self.scene, self.scene.lights, self.scene.light_kinds
@@ -152,14 +142,19 @@ class PathWavefront:
         if self.scatters:
             mark = 0 if self.scene.integrator == "path" else paths.ENDING if self.finds_light else paths.DEAD
             materials.scatter_diffuse(self.sampler, here, n, depth, mark, surfaces, vertices, self.incident)
+            self._lap("diffuse")
         if MIRROR in kinds:
             materials.reflect_mirrors(here, n, surfaces, vertices)
+            self._lap("mirror")
         if CONDUCTOR in kinds:
             materials.reflect_conductors(here, n, surfaces, vertices)
+            self._lap("conductor")
         if DIELECTRIC in kinds:
             materials.pass_dielectrics(here, n, depth, surfaces, vertices)
+            self._lap("dielectric")
         if REFRACTIVE in kinds:
             materials.pass_interfaces(here, n, surfaces, vertices)
+            self._lap("refractive")
 
     def _add_light(self, here: Paths, n: int) -> None:
         self._query(self.scene.shadow_bvh, n)

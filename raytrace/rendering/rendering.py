@@ -22,6 +22,7 @@ from raytrace.rendering.result import Render
 from raytrace.rendering.run import Run
 from raytrace.rendering.wavefront import BATCH
 from raytrace.scene.load import load
+from raytrace.scene.path_plan import needs_paths
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -121,7 +122,11 @@ def render(
         warn_coincident(scene, precision, stacklevel=2)
     first_spp = settings.spp if target is None else min(adaptive.FIRST, settings.spp)
     job, listener = Job(scene, plan, settings, window, precision, target, first_spp), listener_of(progress)
-    check_render(_memory_of(job, layers, count), trees_of(scene, plan, precision), max_memory)
+    check_render(
+        _memory_of(job, layers, count),
+        trees_of(scene, plan, precision, needs_paths(scene, settings.integrator)),
+        max_memory,
+    )
     pixels = window.width * window.height
     early = limit < np.inf or listener.early(pixels * job.first_spp)
     tiling = Tiling(first=1 if early else None)

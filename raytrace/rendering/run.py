@@ -25,6 +25,7 @@ from raytrace.rendering.progress import Progress, ProgressListener
 from raytrace.rendering.result import Layers, Render, state_of, trace_layers
 from raytrace.rendering.threads import RenderThreads
 from raytrace.rendering.wavefront import BATCH
+from raytrace.scene.path_plan import needs_paths
 
 if TYPE_CHECKING:
     from raytrace.rendering.cluster import Cluster
@@ -49,7 +50,7 @@ class Run:
         self.job, self.tiling, self.checkpoint, self.listener = job, tiling, checkpoint, listener
         self._cluster = cluster
         self._workers: RenderThreads | Cluster | None = cluster
-        model = MODELS["independent" if job.paths else job.settings.sampler]
+        model = MODELS["independent" if needs_paths(job.scene, job.settings.integrator) else job.settings.sampler]
         self.film_tiles = FilmTiles(job.window, model)
         self.sampler = None
         if job.target is not None:

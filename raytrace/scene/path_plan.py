@@ -57,7 +57,7 @@ def path_passes(scene: Scene) -> tuple[tuple[str, str], ...]:
     rows = [("camera", "one ray per sample"), ("closest hit", "one query per ray")]
     if lamp_triangles(scene) or scene.lights.environment is not None:
         rows.append(("emission", "light that paths meet, weighted by multiple importance sampling"))
-    elif scene.background.any():
+    if scene.background.any() and scene.lights.environment is None:
         rows.append(("background", "seen through perfectly specular surfaces only"))
     rows.append(("surface", "points and normals where paths meet surfaces"))
     if DIFFUSE in kinds and _lit(scene):
@@ -66,6 +66,7 @@ def path_passes(scene: Scene) -> tuple[tuple[str, str], ...]:
     for kind in sorted(kinds):
         goes = "one ray more" if kind != DIFFUSE or path else "one ray more where it can meet a lamp or environment"
         rows.append((NAMES[kind], f"{goes}, {until}"))
+    rows.append(("roulette", "paths of low throughput end by chance; those that have ended drop out"))
     return (*rows, ("film", "twelve sums per pixel: three channels in four bins"))
 
 

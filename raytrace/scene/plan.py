@@ -82,7 +82,7 @@ def make_plan(scene: Scene) -> Plan:
     used = np.flatnonzero(np.bincount(scene.mesh.material_id))  # np.unique would import numpy.ma, in 10 ms
     refractive = used[scene.materials.kind[used] == REFRACTIVE]
     refraction, smooth = len(refractive) > 0, scene.mesh.normals is not None
-    transparent = bool(scene.materials.transparent_shadow[refractive].any())
+    transparent = bool(scene.materials.transparent_shadow[used].any())
     lights = len(scene.lights.flux)
     paths = needs_paths(scene, scene.settings.integrator)
     return Plan(

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.errors import OptionError
 from raytrace.image.files import srgb8
 from raytrace.limits import MAX_SPP
 from raytrace.rendering.rendering import render, within
@@ -80,7 +81,7 @@ def path(
     SceneError, FileError
         As for ``load``.
     OptionError
-        A pixel outside the image.
+        A scene that needs path tracing; a pixel outside the image.
     RaytraceError
         matplotlib isn't installed.
 
@@ -96,6 +97,10 @@ def path(
     [('enters', 'pane'), ('lands', 'grey')]
     """
     prepared = prepare_scene(scene, size)
+    if prepared.compiled.plan.paths:
+        raise OptionError(
+            "rt.show.path: does not draw path-traced scenes yet: point lights, diffuse and refractive only"
+        )
     column, row = (
         within("pixel", number, 0, side - 1) for number, side in zip(pixel, prepared.settings.size, strict=True)
     )

@@ -34,11 +34,35 @@ class Lamps:
         self.density = np.zeros(len(scene.mesh.faces))  # 1 / area of a point on each triangle of the scene
         self.density[self.prim_id] = power / max(power.sum(), 1e-300) / area
 
+    def seen(self, prim_id: NDArray[np.integer], t: F8, cos: F8, pdf: F8) -> F8:
+        """Emission that paths see where they meet triangles, weighted by the power heuristic.
+
+        ``pdf`` is the density of their direction; density t^2 / cos is that of the same direction by ``sample``.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            weight = np.where(np.isinf(pdf), 1.0, power_heuristic(pdf, self.density[prim_id, None] * t**2 / cos))
+        return np.where(cos > 0, self.emission[prim_id] * weight, 0)
+
     def sample(self, u: F8) -> tuple[F8, F8, NDArray[np.int64]]:
         """Points on lamps, their normals, and the triangles; from random numbers (n, 3)."""
         row = np.minimum(np.searchsorted(self.cdf, u[:, 0], side="right"), len(self.cdf) - 1)
         q = np.einsum("nk,nkc->nc", uniform_triangle(u[:, 1:]), self.corners[row])
         return q, self.normal[row], self.prim_id[row]
+
+
+def next_rays(scene: Scene, point: Point, scatters: NDArray[np.bool_], rng: Any) -> tuple[F8, F8, F8, F8]:
+    """Origins, directions, f cos / pdf and pdf of the rays that go on from points; factor 0 where a path ends."""
+    kind = scene.materials.kind[point.material]
+    o, d, factor = np.empty_like(point.p), np.empty_like(point.p), np.zeros_like(point.p)
+    pdf = np.full((len(point.p), 1), np.inf)
+    for rows, go_on in (
+        (np.flatnonzero(scatters), scatter),
+        (np.flatnonzero(kind == MIRROR), bounce),
+        (np.flatnonzero(kind == DIELECTRIC), split),
+        (np.flatnonzero(kind == REFRACTIVE), pass_all),
+    ):
+        o[rows], d[rows], factor[rows], pdf[rows] = go_on(scene, _of(point, rows), rng)
+    return o, d, factor, pdf
 
 
 def path_trace(scene: Scene, tree: Tree, blockers: Tree | None, o: F8, d: F8, rng: Any) -> F8:
@@ -78,11 +102,7 @@ def path_trace(scene: Scene, tree: Tree, blockers: Tree | None, o: F8, d: F8, rn
         point = surface_at(scene, Hits(hits.t[met], prim_id, hits.u[met], hits.v[met]), d[met])
         path, throughput, pdf, specular = path[met], throughput[met], pdf[met], specular[met]
 
-        cos_lamp = -dot(point.d, point.ng)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            found = lamps.density[prim_id, None] * t**2 / cos_lamp  # density of this point if lamps were sampled
-            weight = np.where(np.isinf(pdf), 1.0, power_heuristic(pdf, found))
-        radiance[path] += np.where(cos_lamp > 0, throughput * lamps.emission[prim_id] * weight, 0)
+        radiance[path] += throughput * lamps.seen(prim_id, t, -dot(point.d, point.ng), pdf)
         if depth == scene.settings.max_depth or not len(path):
             break
 
@@ -93,19 +113,7 @@ def path_trace(scene: Scene, tree: Tree, blockers: Tree | None, o: F8, d: F8, rn
         seen = _of(point, rows)
         radiance[path[rows]] += throughput[rows] * light_at(scene, blockers, lamps, seen, rng)
 
-        o, d, factor, pdf = (
-            np.empty_like(point.p),
-            np.empty_like(point.p),
-            np.zeros_like(point.p),
-            np.full_like(pdf, np.inf),
-        )
-        for chosen, go_on in (
-            (rows, scatter),
-            (np.flatnonzero(kind == MIRROR), bounce),
-            (np.flatnonzero(kind == DIELECTRIC), split),
-            (np.flatnonzero(kind == REFRACTIVE), pass_all),
-        ):
-            o[chosen], d[chosen], factor[chosen], pdf[chosen] = go_on(scene, _of(point, chosen), rng)
+        o, d, factor, pdf = next_rays(scene, point, scatters, rng)
         throughput, specular = throughput * factor, specular & ~scatters
         chance = np.ones(len(path)) if depth < ROULETTE_FROM else np.clip(throughput.max(axis=1), 0.05, 1)
         alive = np.flatnonzero((throughput.max(axis=1) > 0) & (rng.random(len(path)) < chance))
