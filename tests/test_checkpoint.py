@@ -3,6 +3,7 @@
 import itertools
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -176,7 +177,7 @@ def test_another_scene_or_version_is_refused(scene, file, monkeypatch):
     with pytest.raises(FileError, match="another scene"):
         rt.render(BOX, checkpoint=file, size=SIZE, spp=64, precision="float64")
     monkeypatch.setattr(rt, "__version__", "9.9")
-    with pytest.raises(FileError, match=r"raytrace 0\.1\.0, not 9\.9"):
+    with pytest.raises(FileError, match=r"raytrace 0\.2\.0\S*, not 9\.9"):
         rt.render(scene, checkpoint=file, size=SIZE, spp=64)
 
 
@@ -272,7 +273,8 @@ def test_a_full_disk_is_told_once_and_drawing_goes_on(scene, file, monkeypatch):
     whole = rt.render(scene, **ask)
     assert_same(whole, picture)
     rest = rt.render(scene, checkpoint=Checkpoint(file, True, said.append), **ask)
-    assert said[1:] == [f"{file}: resuming from 1 finished work items"]
+    assert len(said) == 2  # what the disk still held of it, perhaps nothing
+    assert re.fullmatch(rf"{re.escape(str(file))}: resuming from \d+ finished work items", said[1])
     assert_same(whole, rest)
 
 

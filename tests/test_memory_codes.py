@@ -77,7 +77,7 @@ def test_a_picture_that_takes_too_much(folder, capsys, monkeypatch):
     def full(*_args, **_more):
         raise MemoryError
 
-    monkeypatch.setattr(rendering, "check_drawing", full)
+    monkeypatch.setattr(rendering, "check_render", full)
     assert main.main([path, "-o", str(folder / "a.png")]) == 2
     assert capsys.readouterr().err.startswith("memory: not enough; use ")
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from raytrace import jit
+from raytrace import files, jit
 from raytrace.native import private_files, store
 from raytrace.native.link import Code
 
@@ -81,8 +81,13 @@ def full_disk(monkeypatch):
             raise OSError(errno.ENOSPC, "No space left on device")
 
     real = open
-    choose = lambda file, mode="r": Stream(file, mode) if mode == "wb" else real(file, mode)  # noqa: E731
-    monkeypatch.setattr(private_files, "open", choose, raising=False)
+    written = {"xb": "x", "wb": "w"}
+
+    def choose(file, mode="r", **more):
+        return Stream(file, written[mode]) if mode in written else real(file, mode, **more)
+
+    for module in (files, private_files):
+        monkeypatch.setattr(module, "open", choose, raising=False)
 
 
 def copied_package(folder):

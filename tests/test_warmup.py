@@ -64,7 +64,7 @@ def test_what_could_not_be_kept_is_told(monkeypatch, tmp_path, capsys):
     errors = capsys.readouterr().err.splitlines()
     errors = [line for line in errors if line != "compiling kernels (first run only)"]
     assert errors[0].endswith("2 of 2 kernels could not be written")
-    assert errors[1] == "kernels can't be compiled ahead, only in each process: no such part"
+    assert errors[1] == "kernels can't be compiled in advance, only in each process: no such part"
 
 
 def test_a_folder_that_cannot_be_written_to_is_told(monkeypatch, tmp_path, capsys):

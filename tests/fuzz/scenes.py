@@ -92,6 +92,7 @@ def numbers(schema: dict[str, Any]) -> st.SearchStrategy[float]:
     )
     inside = [x for x in EDGE if (low is None or x >= low) and (high is None or x <= high)]
     if schema["type"] == "integer":
+        low, high = -10 if low is None else low, 10 if high is None else high
         whole = [x for x in inside if isinstance(x, int) and low <= x <= high]
         return st.one_of(st.integers(low, min(high, low + 20)), st.sampled_from(whole))
     usual = st.floats(-10 if low is None else low, 10 if high is None else high)
@@ -103,7 +104,7 @@ def of(schema: dict[str, Any]) -> st.SearchStrategy[Any]:
     if "$ref" in schema:
         return of(SCHEMA["$defs"][schema["$ref"].rpartition("/")[2]])
     for kind in ("anyOf", "oneOf"):
-        if kind in schema:
+        if kind in schema and all({"$ref", "type", "enum", "const"} & option.keys() for option in schema[kind]):
             return st.one_of(*map(of, schema[kind]))
     if "const" in schema:
         return st.just(schema["const"])
