@@ -49,7 +49,7 @@ def test_everything_in_the_file_reaches_the_scene(tmp_path):
     loaded = load(write(tmp_path, content))
     assert loaded.source == tmp_path / "scene.json"
     assert loaded.about == "A test."
-    assert loaded.settings == ((64, 48), 4, 3, "stratified", "float64", 7)
+    assert loaded.settings == ((64, 48), 4, 3, "stratified", "float64", 7, "direct")
     np.testing.assert_array_equal(loaded.camera.position, [0, 1, 6.8])
     np.testing.assert_array_equal(loaded.camera.up, [0, 1, 0])
     assert loaded.camera.fov == 19.5
@@ -79,7 +79,8 @@ def test_arrays_have_the_types_that_the_records_state(tmp_path):
     assert loaded.materials.two_sided.dtype == loaded.materials.transparent_shadow.dtype == bool
     assert loaded.mesh.faces.dtype == np.int64
     assert loaded.mesh.material_id.dtype == loaded.mesh.object_id.dtype == np.int32
-    for array in (*loaded.camera[:3], *loaded.lights, loaded.materials.albedo, loaded.mesh.vertices, loaded.background):
+    lights = loaded.lights.position, loaded.lights.flux
+    for array in (*loaded.camera[:3], *lights, loaded.materials.albedo, loaded.mesh.vertices, loaded.background):
         assert array.dtype == np.float64
         assert array.flags.c_contiguous
     assert loaded.mesh.faces.flags.c_contiguous

@@ -141,6 +141,7 @@ def test_defaults_are_those_of_the_format():
     assert scene.film.size == (512, 512)
     assert vars(scene.render) == {
         "spp": 16, "max_depth": 16, "sampler": "sobol", "precision": "auto", "seed": 0,
+        "integrator": "direct",
     }  # fmt: skip
     assert scene.camera.up == (0, 1, 0)
     assert scene.background == (0, 0, 0)
@@ -188,12 +189,16 @@ WRONG = [
     ("materials", [], "expected an object, got a list of 0"),
     ("materials.white.albedo", [0, 0, 1.5], "expected a number <= 1, got 1.5"),
     ("materials.white.two_sided", 1, "expected true or false, got 1"),
-    ("materials.white.type", "difuse", 'unknown type "difuse"; did you mean "diffuse"? (known: diffuse, refractive)'),
+    (
+        "materials.white.type",
+        "difuse",
+        'unknown type "difuse"; did you mean "diffuse"? (known: diffuse, mirror, dielectric, conductor, refractive)',
+    ),
     ("materials.white.albeedo", [0, 0, 0], 'unknown key "albeedo"; did you mean "albedo"?'),
-    ("materials.white.ior", 1.5, 'unknown key "ior" (known: type, albedo, two_sided)'),
+    ("materials.white.ior", 1.5, 'unknown key "ior" (known: type, albedo, two_sided, emission)'),
     ("materials.glass.ior", 0, "expected a number > 0, got 0"),
     ("materials.glass.shadows", "none", 'unknown shadows "none" (known: opaque, transparent)'),
-    ("materials.glass", {"ior": 1.5}, 'missing key "type": one of diffuse, refractive'),
+    ("materials.glass", {"ior": 1.5}, 'missing key "type": one of diffuse, mirror, dielectric, conductor, refractive'),
     ("materials.glass", None, "expected an object, got null"),
     ("objects", [], "the list is empty; add at least one entry"),
     ("objects.0.mesh", "", 'expected a string that is not empty, got ""'),
