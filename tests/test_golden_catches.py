@@ -207,7 +207,7 @@ def settings(scene, **change):
 
 
 def lights(scene, keep=slice(None), flux=1.0):
-    position, light_flux = scene.lights
+    position, light_flux = scene.lights.position, scene.lights.flux
     return dataclasses.replace(
         scene, lights=scene.lights._replace(position=position[keep], flux=flux * light_flux[keep])
     )
