@@ -56,22 +56,6 @@ def run(program, cache, cwd=ROOT):
     return finish(start(program, cache, cwd))
 
 
-@pytest.fixture
-def fresh(monkeypatch, tmp_path):
-    """Forget what the store knows of the folder, now and whenever it is called."""
-
-    def forget():
-        store.cache_folder.cache_clear()
-        store.touch.cache_clear()
-        return store.cache_folder()
-
-    monkeypatch.setenv("RAYTRACE_CACHE", str(tmp_path / "cache"))
-    forget()
-    yield forget
-    monkeypatch.undo()
-    forget()
-
-
 def full_disk(monkeypatch):
     """Let no file be longer than 10 bytes."""
 

@@ -34,22 +34,6 @@ posix = pytest.mark.skipif(not private_files.POSIX, reason="owners and modes are
 linux = pytest.mark.skipif(sys.platform != "linux", reason="places as on Linux")
 
 
-@pytest.fixture
-def fresh(monkeypatch, tmp_path):
-    """Forget what the store knows of the folder, now and whenever it is called."""
-
-    def forget():
-        for known in (store.cache_folder, store.touch, store._say):
-            known.cache_clear()
-        return store.cache_folder()
-
-    monkeypatch.setenv("RAYTRACE_CACHE", str(tmp_path / "cache"))
-    forget()
-    yield forget
-    monkeypatch.undo()
-    forget()
-
-
 def run(program, **environment):
     known = {name: value for name, value in os.environ.items() if name not in VARIABLES}
     done = subprocess.run(

@@ -17,22 +17,6 @@ NAME, KINDS, CODE = "raytrace.passes.light.background", "float32[1C]", Code(("Py
 posix = pytest.mark.skipif(not private_files.POSIX, reason="owners and modes are POSIX")
 
 
-@pytest.fixture
-def fresh(monkeypatch, tmp_path):
-    """Forget what the store knows of the folder, now and whenever it is called."""
-
-    def forget():
-        for known in (store.cache_folder, store.touch, store._say):
-            known.cache_clear()
-        return store.cache_folder()
-
-    monkeypatch.setenv("RAYTRACE_CACHE", str(tmp_path / "cache"))
-    forget()
-    yield forget
-    monkeypatch.undo()
-    forget()
-
-
 # Who may have written it ----------------------------------------------------------------------------------------------
 
 
