@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.accel.lanes import PACKET
-from raytrace.passes.estimate import Model, estimate
+from raytrace.passes.estimate import Model, estimate, weights_of
 from raytrace.passes.film import Film, Frame, blank_frame, develop, make_film, make_frame, put, taken
 from raytrace.records import Window
 
@@ -66,7 +66,7 @@ class FilmTiles:
     def __init__(self, window: Window, model: Model) -> None:
         self.at = curve(window)
         self.film = make_film(len(self.at))
-        self._model = model
+        self._model, self._counts = model, {0}  # numbers of samples that pixels have had
         self._last: Frame | None = None  # the image of the last complete round, of pixels that are in the next
         y, x = np.divmod(np.pad(self.at, (0, len(self.film.samples) - len(self.at)), "edge"), window.width)
         self._x, self._y = (x + window.x).astype(np.uint32), (y + window.y).astype(np.uint32)
@@ -84,7 +84,8 @@ class FilmTiles:
         pixels = item.pixels
         if isinstance(pixels, slice):
             if self._last and item.first:
-                develop(self.film, self.at[pixels], pixels.start, item.first, self._last)
+                weights = weights_of({item.first}, self._model)
+                develop(self.film, self.at[pixels], pixels.start, item.first, weights, self._last)
             return FilmTile(self._x[pixels], self._y[pixels], self.film, pixels.start)
         padded = np.append(pixels, np.repeat(pixels[-1:], -len(pixels) % PACKET))
         return FilmTile(self._x[padded], self._y[padded], taken(self.film, padded), 0)
@@ -92,6 +93,7 @@ class FilmTiles:
     def merge(self, item: WorkItem, tile: FilmTile, samples: int) -> NDArray[np.float64]:
         """Merge a tile whose pixels now have so many samples; return their means as shown (3, n)."""
         n = len(tile.x)
+        self._counts.add(samples)
         tile.film.samples[tile.begin : tile.begin + n] = samples
         shown = np.empty((3, n))
         estimate(tile.film, tile.begin, tile.begin + n, self._model, shown.reshape(-1))
@@ -101,6 +103,7 @@ class FilmTiles:
 
     def fill(self, item: WorkItem, tile: FilmTile, sums: NDArray[np.float64]) -> None:
         """Copy sums into a tile. The sample counts change first, so that Ctrl-C never leaves new sums uncounted."""
+        self._counts.add(item.last)
         tile.film.samples[tile.begin : tile.begin + len(tile.x)] = item.last
         tile.sums[:] = sums
 
@@ -108,7 +111,7 @@ class FilmTiles:
         """Return the image; pixels with more than ``most`` samples have their value of the last complete round."""
         pixels = len(self.at)
         frame = self._last or (make_frame if most == ALL else blank_frame)(pixels)
-        develop(self.film, self.at, 0, most, frame)
+        develop(self.film, self.at, 0, most, weights_of(self._counts, self._model), frame)
         return frame
 
 

@@ -154,7 +154,7 @@ def tracing(front: "Wavefront | PathWavefront") -> Iterator[Call]:
     film = make_film(PACKET)
     yield accumulate, (front.radiance, 0, 0, film.sums, 0, PACKET)
     yield errors, (film.sums.reshape(-1), 0, np.zeros(7), np.zeros(3 * PACKET), film.variance, film.error)
-    yield develop, (film, np.zeros(0, np.int64), 0, 0, make_frame(0))
+    yield develop, (film, np.zeros(0, np.int64), 0, 0, np.zeros((1, 7)), make_frame(0))
 
 
 def _tracing(front: Wavefront) -> Iterator[Call]:

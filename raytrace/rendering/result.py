@@ -64,6 +64,9 @@ class Render:
         Estimated standard error of the pixel's luminance, for the sampler that was used. With eight or more samples,
         the true value is within 3.18 standard errors in 95 % of cases (Student's t, 3 degrees of freedom). NaN with
         fewer than two samples.
+    var : (h, w, 3) float32 array
+        Estimated variance of each channel's mean, of linear radiance squared, by the same model as ``stderr``: its root
+        is the channel's standard error. NaN with fewer than two samples.
     aov : Mapping
         Layers "depth", "normal", "albedo", "prim_id", "position", "samples", computed on first use.
     stats : dict
@@ -91,6 +94,7 @@ class Render:
 
     rgb: NDArray[np.float32]
     stderr: NDArray[np.float32]
+    var: NDArray[np.float32]
     aov: Layers
     stats: dict[str, Any]
     provenance: dict[str, Any]
@@ -124,7 +128,13 @@ class Render:
         """
         layers = self.aov.computed
         written = files.save(
-            path, self.rgb, stderr=self.stderr, aov=layers, provenance=self.provenance, exposure=exposure
+            path,
+            self.rgb,
+            stderr=self.stderr,
+            var=self.var,
+            aov=layers,
+            provenance=self.provenance,
+            exposure=exposure,
         )
         if self.checkpoint and self.complete:
             self.checkpoint.remove()

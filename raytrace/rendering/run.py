@@ -268,8 +268,9 @@ class Run:
             "complete": complete,
             "seconds": round(seconds, 4),
         }
-        rgb, stderr = frame.rgb.reshape(*size, 3), np.minimum(np.sqrt(frame.variance), MAX_RADIANCE).astype(np.float32)
-        return Render(rgb, stderr.reshape(size), self.layers, stats, provenance, complete, interrupted, self.checkpoint)
+        stderr = np.minimum(np.sqrt(frame.variance), MAX_RADIANCE).astype(np.float32).reshape(size)
+        rgb, var, more = frame.rgb.reshape(*size, 3), frame.var.reshape(*size, 3), (complete, interrupted)
+        return Render(rgb, stderr, var, self.layers, stats, provenance, *more, self.checkpoint)
 
 
 def _trace_layers(job: Job) -> dict[str, NDArray[Any]]:
