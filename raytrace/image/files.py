@@ -2,7 +2,7 @@
 
 - ``.png``: 8-bit sRGB without layers; provenance in text chunks ``raytrace:<key>``.
 - ``.exr``: float32 channels as in `CHANNELS`, ZIP; provenance in attributes ``raytrace:<key>``.
-- ``.npz``: arrays ``rgb`` and one for each layer, under its name; ``provenance`` is one JSON text.
+- ``.npz``: arrays ``rgb`` and one for each layer, under its name in `CHANNELS`; ``provenance`` is one JSON text.
 
 A provenance value in a PNG or EXR is JSON, so texts and numbers keep their types. The integers ``prim_id`` and
 ``samples`` are UINT in an EXR, with the same bits: a miss, -1, is 4294967295 there. The same content always gives the
@@ -42,6 +42,9 @@ CHANNELS: dict[str, tuple[str, ...]] = {  # channels of an EXR, as <layer>.<chan
     "prim_id": ("prim_id.id",),
     "position": ("position.X", "position.Y", "position.Z"),
     "samples": ("samples.n",),
+    "emission": ("emission.R", "emission.G", "emission.B"),
+    "direct": ("direct.R", "direct.G", "direct.B"),
+    "indirect": ("indirect.R", "indirect.G", "indirect.B"),
 }
 WHOLE = ("prim_id", "samples")  # int32; the others are float32
 Contents = tuple[dict[str, NDArray[Any]], dict[str, Any]]  # arrays by name, provenance
@@ -127,7 +130,7 @@ def save(
     var : (h, w, 3) array of float, optional
         Variance of each channel's mean.
     aov : mapping of str to array
-        ``depth prim_id samples`` (h, w), ``normal albedo position`` (h, w, 3).
+        ``depth prim_id samples`` (h, w), ``normal albedo position emission direct indirect`` (h, w, 3).
     provenance : mapping of str to str, int or float
         How the image was made.
     exposure : float

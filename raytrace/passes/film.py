@@ -14,6 +14,7 @@ from raytrace.accel.lanes import PACKET
 from raytrace.jit import inlined, kernel
 
 BINS = 4
+SPLIT = 9  # sums of the light layers: three channels of emission, direct and indirect light
 MAX_RADIANCE = float(np.finfo(np.float32).max)  # of an image
 LUMINANCE = 0.2126, 0.7152, 0.0722  # of linear Rec. 709 primaries   [ITU-R BT.709-6, 3.2]
 
@@ -21,7 +22,7 @@ LUMINANCE = 0.2126, 0.7152, 0.0722  # of linear Rec. 709 primaries   [ITU-R BT.7
 class Film(NamedTuple):
     """Samples and error estimates of the pixels of a window, padded to whole packets."""
 
-    sums: NDArray[np.float64]  # (12, m): red, green, blue of each bin, bin after bin
+    sums: NDArray[np.float64]  # (12, m): red, green, blue, bin after bin; or (21, m), with light layers
     samples: NDArray[np.int32]  # (m,)
     variance: NDArray[np.float64]  # (m,): of the mean luminance; NaN: unknown
     error: NDArray[np.float64]  # (m,): squared, of sRGB clipped to 0..1, averaged over channels; NaN: unknown
@@ -35,26 +36,32 @@ class Frame(NamedTuple):
     samples: NDArray[np.int32]  # (m,)
     variance: NDArray[np.float64]  # (m,): as of a film
     error: NDArray[np.float64]  # (m,): as of a film
+    light: NDArray[np.float32]  # (m, 9): means of the light layers; (0, 9): they are not kept
 
 
-def make_frame(pixels: int) -> Frame:
-    """Allocate a frame of so many pixels."""
-    rgb, var = np.empty((2, pixels, 3), np.float32)
-    return Frame(rgb, var, np.empty(pixels, np.int32), *np.empty((2, pixels)))
+def make_frame(pixels: int, light: bool = False) -> Frame:
+    """Allocate a frame of so many pixels, with light layers or without."""
+    (rgb, var), layers = np.empty((2, pixels, 3), np.float32), np.empty((pixels * light, SPLIT), np.float32)
+    return Frame(rgb, var, np.empty(pixels, np.int32), *np.empty((2, pixels)), layers)
 
 
-def blank_frame(pixels: int) -> Frame:
+def blank_frame(pixels: int, light: bool = False) -> Frame:
     """Make a frame of so many pixels without samples."""
-    frame = make_frame(pixels)
-    frame.rgb[:], frame.samples[:] = 0, 0
+    frame = make_frame(pixels, light)
+    frame.rgb[:], frame.samples[:], frame.light[:] = 0, 0, 0
     frame.var[:], frame.variance[:], frame.error[:] = np.nan, np.nan, np.nan
     return frame
 
 
-def make_film(pixels: int) -> Film:
+def sums_of(light: bool) -> int:
+    """Return the number of sums per pixel, with light layers or without."""
+    return 3 * BINS + SPLIT * light
+
+
+def make_film(pixels: int, light: bool = False) -> Film:
     """Make a film of so many pixels, padded to whole packets, without samples."""
     m = -(-pixels // PACKET) * PACKET
-    return Film(np.zeros((3 * BINS, m)), np.zeros(m, np.int32), np.full(m, np.nan), np.full(m, np.nan))
+    return Film(np.zeros((sums_of(light), m)), np.zeros(m, np.int32), np.full(m, np.nan), np.full(m, np.nan))
 
 
 def taken(film: Film, pixels: NDArray[np.int64]) -> Film:
@@ -135,7 +142,7 @@ def develop(film: Film, at, first: int, most: int, weights, frame: Frame):
     frame : Frame
     """
     sums, samples, variance, error = film
-    rgb, spread, numbers, variances, errors = frame
+    rgb, spread, numbers, variances, errors, _ = frame
     for k in range(len(at)):
         i, j = first + k, at[k]
         if samples[i] > most:
