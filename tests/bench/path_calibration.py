@@ -81,8 +81,8 @@ def by_batches(scene: Scene, size: tuple[int, int], truth_spp: int, seeds: int) 
             for k in range(min(seeds, SINGLE // spp)):
                 taken = samples[k * spp : (k + 1) * spp]
                 means = taken.reshape(batches, -1, *truth.shape).mean(axis=1)
-                off = np.abs(means.mean(axis=0) - truth)[taken.std(axis=0) > 0]
-                half = t * means.std(axis=0, ddof=1)[taken.std(axis=0) > 0] / np.sqrt(batches)
+                off = np.abs(means.mean(axis=0) - truth)[np.ptp(taken, axis=0) > 0]
+                half = t * means.std(axis=0, ddof=1)[np.ptp(taken, axis=0) > 0] / np.sqrt(batches)
                 held.append(np.mean(off <= half + ROUNDING))
             found[spp].append(float(np.mean(held)))
     return found
