@@ -8,7 +8,7 @@ import numpy as np
 
 from raytrace.accel import query
 from raytrace.accel.lanes import PACKET
-from raytrace.passes import lights, materials, paths
+from raytrace.passes import compaction, lights, materials, paths
 from raytrace.passes.camera import camera_rays
 from raytrace.records import (
     CONDUCTOR,
@@ -108,7 +108,7 @@ def path_tracing(front: PathWavefront, rays: Rays) -> Iterator[Call]:
         yield from _light_calls(front)
         yield paths.add_light, (here, 0, incident, front.radiance)
     yield from _material_calls(front)
-    yield paths.go_on, (here, 0, 1, front.others)
+    yield compaction.go_on, (here, 0, 1, front.grid, front.order, front.others)
 
 
 def _light_calls(front: PathWavefront) -> Iterator[Call]:

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from raytrace.accel import query
 from raytrace.accel.bvh import BVH
 from raytrace.accel.lanes import PACKET
-from raytrace.passes import lights, materials, paths
+from raytrace.accel.reorder import Grid, make_grid
+from raytrace.passes import compaction, lights, materials, paths
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.columns import BATCH_COLUMNS, ColumnMemory, shortened_record
 from raytrace.passes.film import accumulate
-from raytrace.passes.path_records import Incident, Paths, Vertices
+from raytrace.passes.path_records import Incident, Order, Paths, Vertices
 from raytrace.records import CONDUCTOR, DIELECTRIC, DIFFUSE, MIRROR, REFRACTIVE, Columns, Rays, View
 from raytrace.rendering.path_scene import PathScene
 
@@ -41,7 +42,7 @@ class PathWavefront:
         self.work = scene.bvh.work()
         trees = (scene.shadow_bvh, scene.passed_bvh)
         self.shadow_work = {id(bvh): bvh.work() for bvh in trees if bvh is not None}
-        memory = ColumnMemory(2 * PATH_COLUMNS + VERTEX_COLUMNS + INCIDENT_COLUMNS + 3, n, dtype)
+        memory = ColumnMemory(2 * PATH_COLUMNS + VERTEX_COLUMNS + INCIDENT_COLUMNS + 5, n, dtype)
         ng = memory.take(3)
         ns = memory.take(3) if scene.normals is not None else ng
         vertices = Vertices(
@@ -50,6 +51,10 @@ class PathWavefront:
         incident = _incident(memory) if scene.lights is not None else None
         self._records = [_paths(memory), _paths(memory), vertices, *([] if incident is None else [incident])]
         self._radiance = memory.take(3)
+        self.grid = coarse_grid(scene.bvh)
+        numbers = memory.take(dtype=np.int32), memory.take(dtype=np.int32)
+        self.order = Order(*numbers, np.zeros(compaction.KEYS, np.int32))
+        self.order.numbers[:] = 0
         self.scatters = DIFFUSE in scene.kinds and scene.integrator != "emission"
         self.samples_lights = self.scatters and scene.lights is not None
         self.finds_light = scene.lamps or scene.environment is not None  # whether a ray can meet a light
@@ -92,7 +97,7 @@ class PathWavefront:
             self._scatter(here, n, depth)
             if self.samples_lights:
                 self._add_light(here, n)
-            n = paths.go_on(here, n, depth, there)
+            n = compaction.go_on(here, n, depth, self.grid, self.order, there)
             self._lap("roulette")
             if n == 0:
                 return
@@ -183,6 +188,13 @@ class PathWavefront:
         rays = Rays(origins, self._columns(here.rays.d), *limits)
         query.closest_hit(self.scene.bvh.tree, rays, here.rays.hits, n, self.work)
         self._lap("closest hit")
+
+
+def coarse_grid(bvh: BVH) -> Grid:
+    """Cells by which the paths of a batch are sorted."""
+    grid = make_grid(bvh.tree)
+    bits = min(grid.bits, compaction.CELL_BITS)
+    return grid._replace(scale=grid.scale * 0.5 ** (grid.bits - bits), bits=bits)
 
 
 def _paths(memory: ColumnMemory) -> Paths:

@@ -1,0 +1,111 @@
+"""Which paths go on, and in which order: those whose rays share octant and dominant axis lie side by side.
+
+Scattered rays in their order of pixels would go through the tree one by one. A counting sort of each batch makes
+packets of them, which costs far less than it saves [Pharr1997].
+"""
+
+import numpy as np
+
+from raytrace.accel.lanes import (
+    absolute,
+    gather,
+    lane_numbers,
+    load,
+    maximum,
+    minimum,
+    packet,
+    packet_width,
+    peek,
+    poke,
+    select,
+    splat,
+    splat_int,
+    store,
+)
+from raytrace.accel.reorder import cell_of
+from raytrace.accel.vectors import scaled
+from raytrace.jit import inlined, kernel
+from raytrace.passes.paths import DEAD, ROULETTE, ROULETTE_FROM, SURVIVE, uniform
+from raytrace.passes.surface import load3, store3
+
+CELL_BITS = 2  # at most, per axis
+DIRECTIONS = 24  # octants times dominant axes
+ENDED = DIRECTIONS << 3 * CELL_BITS  # key of paths that have ended
+KEYS = ENDED + 1
+
+
+@inlined
+def keys_of(rays, i, grid, like):
+    """Sort keys of rays: octant and dominant axis, then the Morton code of the origin's cell in the lowest bits."""
+    size = len(rays.slot)
+    o, (x, y, z) = load3(rays.o, i, size, like), load3(rays.d, i, size, like)
+    ax, ay, az = absolute(x), absolute(y), absolute(z)
+    zero = splat_int(0, like)
+    key = select((ax >= ay) & (ax >= az), zero, select(ay >= az, zero + np.int32(8), np.int32(16)))
+    key = key + select(x < 0.0, zero + np.int32(1), np.int32(0)) + select(y < 0.0, zero + np.int32(2), np.int32(0))
+    key = key + select(z < 0.0, zero + np.int32(4), np.int32(0))
+    key = key << np.int32(3 * CELL_BITS)
+    for axis in range(3):
+        key = key + (cell_of(o[axis], grid.low[axis], grid.scale[axis], grid.bits) << np.int32(axis))
+    return key
+
+
+@inlined
+def count_keys(order, n):
+    """Begin of each key's run in the sorted order, and how many paths have not ended."""
+    counts = order.counts
+    counts[:] = 0
+    for i in range(n):
+        key = np.int64(peek(order.keys, i))
+        poke(counts, key, np.int32(peek(counts, key) + np.int32(1)))
+    total = np.int32(0)
+    for key in range(KEYS):
+        here = peek(counts, key)
+        poke(counts, key, total)
+        total = np.int32(total + here)
+    return np.int64(peek(counts, ENDED))
+
+
+@inlined
+def sort_alive(order, n):
+    """Numbers of the paths that have not ended, in the order of their keys; how many they are."""
+    sent = count_keys(order, n)
+    for i in range(n):
+        key = np.int64(peek(order.keys, i))
+        at = np.int64(peek(order.counts, key))
+        poke(order.counts, key, np.int32(at + 1))
+        poke(order.numbers, at, np.int32(i))
+    return sent
+
+
+@kernel
+def go_on(paths, n, depth, grid, order, out):
+    """Send on the paths that are alive, sorted by direction, in ``out``; how many they are.
+
+    From the surface number ``ROULETTE_FROM`` on, a path survives with a probability of its largest throughput, without
+    the factors of radiance in dense media, and is divided by it: the expectation is the same [Arvo1990].
+    """
+    like, size, width = packet(paths.pdf), len(paths.pdf), packet_width(paths.pdf)
+    for i in range(0, n, width):
+        alive = ((load(paths.state, i, like) & np.int32(DEAD)) == np.int32(0)) & (lane_numbers(like) < np.int32(n - i))
+        if depth >= ROULETTE_FROM:
+            throughput, scale = load3(paths.throughput, i, size, like), load(paths.scale, i, like)
+            largest = maximum(maximum(throughput[0], throughput[1]), throughput[2]) / scale
+            chance = minimum(maximum(largest, splat(SURVIVE, like)), splat(1.0, like))
+            alive = alive & (uniform(paths, i, depth, ROULETTE) < chance)
+            store3(paths.throughput, i, size, scaled(throughput, 1.0 / chance))
+        store(order.keys, i, select(alive, keys_of(paths.rays, i, grid, like), np.int32(ENDED)))
+    sent = sort_alive(order, n)
+    for i in range(0, sent, width):
+        rows = load(order.numbers, i, splat_int(0, like))
+        for k in range(3):
+            store(out.rays.o, k * size + i, gather(paths.rays.o, rows + np.int32(k * size)))
+            store(out.rays.d, k * size + i, gather(paths.rays.d, rows + np.int32(k * size)))
+            store(out.throughput, k * size + i, gather(paths.throughput, rows + np.int32(k * size)))
+        store(out.scale, i, gather(paths.scale, rows))
+        store(out.pdf, i, gather(paths.pdf, rows))
+        store(out.key, i, gather(paths.key, rows))
+        store(out.sample, i, gather(paths.sample, rows))
+        store(out.state, i, gather(paths.state, rows))
+        store(out.rays.slot, i, gather(paths.rays.slot, rows))
+    return sent
