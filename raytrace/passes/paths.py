@@ -216,12 +216,3 @@ def meet_surfaces(paths, n, shading, normals, vertices):
         store(vertices.offset, i, offset)
         store(vertices.front, i, front)
         store(vertices.material_id, i, select(found, gather(shading.material_id, prim), np.int32(-1)))
-
-
-@kernel
-def add_light(paths, n, incident, radiance):
-    """Add the light that nothing stopped."""
-    like, size = packet(paths.pdf), len(paths.pdf)
-    for i in range(0, n, packet_width(paths.pdf)):
-        arrives = (load(incident.tmax, i, like) > 0.0) & ~load(incident.occluded, i, like)
-        add(radiance, size, load(paths.rays.slot, i, like), load3(incident.radiance, i, size, like), arrives)

@@ -106,7 +106,8 @@ def path_tracing(front: PathWavefront, rays: Rays) -> Iterator[Call]:
     yield paths.meet_surfaces, (here, 0, scene.shading, scene.normals, vertices)
     if front.samples_lights:
         yield from _light_calls(front)
-        yield paths.add_light, (here, 0, incident, front.radiance)
+        yield compaction.pack_shadow_rays, (incident, 0, front.grid, front.order, front.others)
+        yield compaction.add_light, (here, 0, incident, front.order, front.radiance)
     yield from _material_calls(front)
     yield compaction.go_on, (here, 0, 1, front.grid, front.order, front.others)
 

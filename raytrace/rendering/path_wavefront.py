@@ -96,7 +96,7 @@ class PathWavefront:
                 self._lap("light")
             self._scatter(here, n, depth)
             if self.samples_lights:
-                self._add_light(here, n)
+                self._add_light(here, n, there)
             n = compaction.go_on(here, n, depth, self.grid, self.order, there)
             self._lap("roulette")
             if n == 0:
@@ -138,7 +138,7 @@ class PathWavefront:
         if lights.ENVIRONMENT in kinds:
             lights.sample_environment(self.sampler, paths_, n, depth, table, vertices, incident)
         if scene.passed_bvh is not None:
-            self._query(scene.passed_bvh, n)
+            self._query(scene.passed_bvh, incident.o, incident.d, incident.tmax, n)
             lights.claim_light(n, incident)
 
     def _scatter(self, here: Paths, n: int, depth: int) -> None:
@@ -161,18 +161,20 @@ class PathWavefront:
             materials.pass_interfaces(here, n, surfaces, vertices)
             self._lap("refractive")
 
-    def _add_light(self, here: Paths, n: int) -> None:
-        self._query(self.scene.shadow_bvh, n)
+    def _add_light(self, here: Paths, n: int, spare: Paths) -> None:
+        """Add the light that nothing stops; the shadow rays are packed in the memory of a spare record of paths."""
+        n = compaction.pack_shadow_rays(self.incident, n, self.grid, self.order, spare)
+        self._lap("light")
+        self._query(self.scene.shadow_bvh, spare.rays.o, spare.rays.d, spare.pdf, n)
         self._lap("shadow")
-        paths.add_light(here, n, self.incident, self.radiance)
+        compaction.add_light(here, n, self.incident, self.order, self.radiance)
         self._lap("light")
 
-    def _query(self, bvh: BVH, n: int) -> None:
+    def _query(self, bvh: BVH, o: NDArray[Any], d: NDArray[Any], tmax: NDArray[Any], n: int) -> None:
         """Whether shadow rays meet anything in a tree."""
-        incident = self.incident
-        tmax = Columns(incident.tmax, 0, 1, 0)
-        rays = Rays(self._columns(incident.o), self._columns(incident.d), Columns(self.zero, 0, 0, 0), tmax)
-        query.any_hit(bvh.tree, rays, incident.occluded, n, self.shadow_work[id(bvh)])
+        limits = Columns(self.zero, 0, 0, 0), Columns(tmax, 0, 1, 0)
+        rays = Rays(self._columns(o), self._columns(d), *limits)
+        query.any_hit(bvh.tree, rays, self.incident.occluded, n, self.shadow_work[id(bvh)])
         self.rays["shadow"] += n
 
     def _lap(self, name: str) -> None:
