@@ -1,10 +1,11 @@
-"""Which paths go on, and in which order: those whose rays share octant and dominant axis lie side by side.
+"""Compaction: paths that go on, and shadow rays, are packed next to each other, sorted by direction.
 
-Scattered rays in their order of pixels would go through the tree one by one. A counting sort of each batch makes
-packets of them, which costs far less than it saves [Pharr1997].
+Scattered rays in the order of their pixels would go through the tree one by one. A counting sort by octant, dominant
+axis and cell makes packets of them. It costs far less than it saves [Pharr1997], and changes no bit of the image.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raytrace.accel.lanes import (
     absolute,
@@ -22,16 +23,27 @@ from raytrace.accel.lanes import (
     splat_int,
     store,
 )
-from raytrace.accel.reorder import cell_of
+from raytrace.accel.reorder import Grid, cell_of, make_grid
 from raytrace.accel.vectors import scaled
 from raytrace.jit import inlined, kernel
 from raytrace.passes.paths import DEAD, ROULETTE, ROULETTE_FROM, SURVIVE, add, uniform
 from raytrace.passes.surface import load3, store3
+from raytrace.records import Tree
 
-CELL_BITS = 2  # at most, per axis
-DIRECTIONS = 24  # octants times dominant axes
-ENDED = DIRECTIONS << 3 * CELL_BITS  # key of paths that have ended
-KEYS = ENDED + 1
+CELL_BITS = 2  # of a cell, at most, per axis
+DIRECTIONS = 24  # octants times dominant axes; the key after theirs is that of rays that have ended
+
+
+def make_cells(tree: Tree) -> Grid:
+    """Make the grid whose cells paths are sorted by: coarse, because a batch has few rays for each direction."""
+    grid = make_grid(tree)
+    bits = min(grid.bits, CELL_BITS)
+    return grid._replace(scale=grid.scale * 0.5 ** (grid.bits - bits), bits=bits)
+
+
+def make_counts() -> NDArray[np.int32]:
+    """Allocate the counters of a sort."""
+    return np.zeros((DIRECTIONS << 3 * CELL_BITS) + 1, np.int32)
 
 
 @inlined
@@ -50,8 +62,8 @@ def keys_of(rays, i, size, grid, like):
 
 
 @inlined
-def count_keys(order, n, ended):
-    """Begin of each key's run in the sorted order, and how many paths have not ended."""
+def begin_runs(order, n, ended):
+    """Set where each key's run begins in the sorted order; return how many rays have not ended."""
     counts = order.counts
     for key in range(ended + 1):
         poke(counts, key, np.int32(0))
@@ -68,8 +80,8 @@ def count_keys(order, n, ended):
 
 @inlined
 def sort_alive(order, n, ended):
-    """Numbers of the paths that have not ended, in the order of their keys; how many they are."""
-    sent = count_keys(order, n, ended)
+    """Sort the numbers of rays by their keys, those that have ended last; return how many have not."""
+    sent = begin_runs(order, n, ended)
     for i in range(n):
         key = np.int64(peek(order.keys, i))
         at = np.int64(peek(order.counts, key))
@@ -86,7 +98,7 @@ def gather3(a, rows, size):
 
 @kernel
 def pack_shadow_rays(incident, n, grid, order, out):
-    """Copy the shadow rays that are there to ``out``, sorted by direction; how many they are.
+    """Copy the shadow rays that exist to ``out``, sorted by direction; return how many they are.
 
     ``order.numbers`` are their paths. Of ``out``, a Paths, origins and directions are set, and tmax as its ``pdf``.
     """
@@ -116,7 +128,7 @@ def add_light(paths, n, incident, order, radiance):
 
 @kernel
 def go_on(paths, n, depth, grid, order, out):
-    """Send on the paths that are alive, sorted by direction, in ``out``; how many they are.
+    """Copy the paths that go on to ``out``, sorted by direction; return how many they are.
 
     From the surface number ``ROULETTE_FROM`` on, a path survives with a probability of its largest throughput, without
     the factors of radiance in dense media, and is divided by it: the expectation is the same [Arvo1990].

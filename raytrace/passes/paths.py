@@ -4,14 +4,10 @@ import numpy as np
 
 from raytrace.accel.lanes import (
     bits,
-    compress,
-    count,
     gather,
     lane_numbers,
     load,
     machine_epsilon,
-    maximum,
-    minimum,
     packet,
     packet_width,
     select,

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from raytrace.accel import query
 from raytrace.accel.bvh import BVH
 from raytrace.accel.lanes import PACKET
-from raytrace.accel.reorder import Grid, make_grid
 from raytrace.passes import compaction, lights, materials, paths
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.columns import BATCH_COLUMNS, ColumnMemory, shortened_record
@@ -51,9 +50,9 @@ class PathWavefront:
         incident = _incident(memory) if scene.lights is not None else None
         self._records = [_paths(memory), _paths(memory), vertices, *([] if incident is None else [incident])]
         self._radiance = memory.take(3)
-        self.grid = coarse_grid(scene.bvh)
+        self.grid = compaction.make_cells(scene.bvh.tree)
         numbers = memory.take(dtype=np.int32), memory.take(dtype=np.int32)
-        self.order = Order(*numbers, np.zeros(compaction.KEYS, np.int32))
+        self.order = Order(*numbers, compaction.make_counts())
         self.order.numbers[:] = 0
         self.scatters = DIFFUSE in scene.kinds and scene.integrator != "emission"
         self.samples_lights = self.scatters and scene.lights is not None
@@ -190,13 +189,6 @@ class PathWavefront:
         rays = Rays(origins, self._columns(here.rays.d), *limits)
         query.closest_hit(self.scene.bvh.tree, rays, here.rays.hits, n, self.work)
         self._lap("closest hit")
-
-
-def coarse_grid(bvh: BVH) -> Grid:
-    """Cells by which the paths of a batch are sorted."""
-    grid = make_grid(bvh.tree)
-    bits = min(grid.bits, compaction.CELL_BITS)
-    return grid._replace(scale=grid.scale * 0.5 ** (grid.bits - bits), bits=bits)
 
 
 def _paths(memory: ColumnMemory) -> Paths:
