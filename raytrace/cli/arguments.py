@@ -206,6 +206,15 @@ def _image_options(parser: ArgumentParser) -> None:
     add("--json", action="store_true", help="print one JSON object: path, seconds, statistics")
 
 
+def warmup_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``warmup``."""
+    text = "scene files (JSON): compile only what these need (default: what all scenes without path tracing need)"
+    parser.add_argument("scenes", type=Path, nargs="*", metavar="scene", help=text)
+    text = "path: compile the kernels of path tracing too"
+    parser.add_argument("--integrator", choices=("direct", "path"), default="direct", help=text)
+    _load_options(parser)
+
+
 def compare_options(parser: ArgumentParser) -> None:
     """Declare the options of ``compare``; its limits are the fields of ``raytrace.image.metrics.Limits``."""
     add = parser.add_argument

@@ -159,12 +159,13 @@ def _schema(_args: Namespace) -> int:
     return DONE
 
 
-def _warmup(_args: Namespace) -> int:
+def _warmup(args: Namespace) -> int:
     from raytrace.rendering.warmup import warmup
 
     began = time.perf_counter()
+    scenes = [raytrace.load(path, args.root, args.max_memory) for path in args.scenes]
     with Reporter(streams.say, bar=at_terminal()) as reporter:
-        warmup(reporter)
+        warmup(reporter, integrator=args.integrator, scenes=scenes)
     streams.out(f"kernels ready after {time.perf_counter() - began:.1f} s")
     return DONE
 
@@ -198,7 +199,7 @@ COMMANDS = {
     "compare": Command("measure the error of an image against a reference", _compare, arguments.compare_options),
     "report": Command("measure speed and error, or test hard rays; write a page", _report, arguments.report_options),
     "schema": Command("print the JSON Schema of scene files", _schema),
-    "warmup": Command("compile kernels now instead of at the first render", _warmup),
+    "warmup": Command("compile kernels now instead of at the first render", _warmup, arguments.warmup_options),
     "doctor": Command("show versions, processor, cache and optional packages", _doctor),
 }
 
