@@ -64,7 +64,7 @@ def test_after_the_warm_up_of_a_scene_its_first_picture_needs_no_numba(tmp_path)
     assert (done.returncode, done.stderr) == (0, "compiling kernels (first run only)\n")
     done = run("-c", DRAW, json.dumps([(str(scene), "auto", "sobol")]), cache=tmp_path / "kernels")
     assert (done.returncode, done.stderr) == (0, "")
-    kept = [path.read_bytes()[store.DIGEST :].split(b"\n")[0] for path in (tmp_path / "kernels").iterdir()]
+    kept = [path.read_bytes()[store.DIGEST :].split(b"\n")[0] for path in (tmp_path / "kernels").glob("*/*.kernel")]
     assert any(b"paths.go_on(" in title for title in kept)
     assert not any(word in title for title in kept for word in (b"Independent", b"shadow_rays", b"mirror"))
 
