@@ -84,7 +84,8 @@ def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _lo
 
 
 def _explain(args: Namespace) -> int:
-    streams.out(str(raytrace.explain(_load(args))))
+    chosen = {"integrator": args.integrator} if args.integrator else {}
+    streams.out(str(raytrace.explain(_load(args), **chosen)))
     return DONE
 
 
@@ -193,7 +194,7 @@ COMMANDS = {
     "render": Command("render a scene; this word may be omitted", _render, arguments.render_options),
     "demo": Command("render a small scene that comes with the package", _demo, arguments.demo_options),
     "explain": Command(
-        "show which features a scene needs, which are left out, and why", _explain, arguments.scene_options
+        "show which features a scene needs, which are left out, and why", _explain, arguments.explain_options
     ),
     "check": Command("check a scene and its meshes without rendering", _check, arguments.scene_options),
     "compare": Command("measure the error of an image against a reference", _compare, arguments.compare_options),

@@ -11,7 +11,6 @@ from typing import Any
 
 from raytrace.scene.positions import Path
 from raytrace.scene.problems import HINTED, MAX_PROBLEMS, Problem, listed, quote, unknown_key, unknown_name
-from raytrace.scene.rdr_lights import drop_copied, has_lamps, make_lamp, point_lights
 
 Json = dict[str, Any]
 
@@ -117,6 +116,8 @@ INTEGRATORS = {"intersection_test": "direct", "path": "path"}  # of the dialect 
 
 
 def _integrator(t: Translation, integrator: Any) -> None:
+    from raytrace.scene.rdr_lights import has_lamps, point_lights
+
     here = ("integrator",)
     kind = integrator.get("type") if isinstance(integrator, dict) else None
     if kind is not None and (not isinstance(kind, str) or kind not in INTEGRATORS):
@@ -192,6 +193,8 @@ SHAPES = {"mesh": ("path",), "sphere": ("center", "radius")}  # type of an objec
 
 
 def _objects(t: Translation, objects: Any) -> Any:
+    from raytrace.scene.rdr_lights import drop_copied, make_lamp
+
     if not isinstance(objects, list):
         return objects
     keys = {"path": "mesh", "material_name": "material", "translate": "translate", "scale": "scale"}
