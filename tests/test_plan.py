@@ -297,7 +297,7 @@ def test_the_plain_box_compiles_and_runs_no_more_than_it_needs(cold):
 @compiled
 def test_scenes_without_path_tracing_import_and_compile_nothing_of_it(cold):
     assert {"raytrace.passes.light", "raytrace.rendering.wavefront"} <= set(cold[2]["modules"])
-    assert len(PATH_MODULES) > 10
+    assert len(PATH_MODULES) >= 10
     assert any("raytrace.passes.light." in title for title in cold[2]["kept"])
     for count in cold:
         assert not set(count["modules"]) & set(PATH_MODULES)
