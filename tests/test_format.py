@@ -209,10 +209,10 @@ def test_of_very_many_problems_few_more_than_are_reported_are_found():
             {"type": "mirror", "emission": [1, 1, 1]},
             'emission: unknown key "emission" .*; "diffuse" has it',
         ),
-        ("materials", {"type": "mirror", "shadows": "opaque"}, '; "dielectric", "refractive" have it'),
+        ("materials", {"type": "mirror", "shadows": "opaque"}, '; "dielectric", .*"refractive" have it'),
         ("materials", {"type": "glass"}, 'type: unknown type "glass" .*; real glass is "dielectric"'),
         ("materials", {"type": "mirror", "reflectanc": 1}, r'did you mean "reflectance"\?$'),
-        ("materials", {"type": "mirror", "shine": 1}, r'unknown key "shine" \(known: type, reflectance\)$'),
+        ("materials", {"type": "mirror", "shine": 1}, r'unknown key "shine" \(known: [a-z, ]*\)$'),
         ("lights", {"type": "area", "radiance": [1, 1, 1]}, "an area light is an object whose diffuse material has"),
     ],
 )
