@@ -94,7 +94,7 @@ def path_left_out(scene: Scene) -> tuple[tuple[str, str], ...]:
         ("sampling of spot lights", "there is none", lights.spots is not None),
         ("sampling of directional lights", "there is none", lights.directions is not None),
         ("sampling of an environment", "there is none", lights.environment is not None),
-        *((f"{name} pass", f"no surface is {name}", kind in kinds) for kind, name in NAMES.items()),
+        *((f"{name} pass", f"no surface is of type {name}", kind in kinds) for kind, name in NAMES.items()),
         ("indirect light", 'the integrator is "direct"', scene.settings.integrator == "path"),
         ("normal interpolation", "all meshes are flat", scene.mesh.normals is not None),
         ("layers (AOVs)", "stored only when asked for", False),
