@@ -71,7 +71,7 @@ def path_passes(scene: Scene) -> tuple[tuple[str, str], ...]:
             text += ", each through two trees: with and without transparent surfaces"
         rows.append(("shadow", text))
     for kind in sorted(kinds):
-        goes = f"one ray more per hit, {until}"
+        goes = f"one ray more per hit, at most {most.closest - 1:.3g} per sample on average, {until}"
         if kind == DIFFUSE and not path:
             goes = "one ray more, which looks for light" if meets_light(scene) else "no ray more: the path ends"
         rows.append((NAMES[kind], goes))
