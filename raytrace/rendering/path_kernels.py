@@ -23,6 +23,7 @@ from raytrace.records import (
     Spots,
 )
 from raytrace.rendering.path_wavefront import PathWavefront
+from raytrace.scene.path_plan import NAMES
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]  # a kernel and its arguments
 
@@ -56,6 +57,13 @@ def path_needs_of(scene: Scene, integrator: str) -> PathNeeds:
         bool(scene.background.any()),
         bool(scene.materials.transparent_shadow[used].any()),
     )
+
+
+def every_need() -> tuple[PathNeeds, ...]:
+    """Scenes that together need every kernel of path tracing: all kinds of lights and materials; and no light."""
+    kinds = tuple(sorted(NAMES))
+    dark = PathNeeds("path", kinds, False, False, False, False, False, background=True, transparent=False)
+    return PathNeeds("path", kinds, True, True, True, True, True, background=False, transparent=True), dark
 
 
 def small_scene(needs: PathNeeds, scene: Scene) -> Scene:
