@@ -93,9 +93,9 @@ class _PathRecorder(PathWavefront):
         if self.met[-1].light is not None:
             self._note(light=self.met[-1].light._replace(sent=bool(self.incident.tmax[0] > 0)))
 
-    def _add_light(self, here: Paths, n: int) -> None:
+    def _add_light(self, here: Paths, n: int, spare: Paths) -> None:
         before = self._gain()
-        super()._add_light(here, n)
+        super()._add_light(here, n, spare)
         sample = self.met[-1].light
         if sample is not None:
             occluded = bool(sample.sent and self.incident.occluded[0])
