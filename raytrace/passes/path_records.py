@@ -66,3 +66,11 @@ class Surfaces(NamedTuple):
     k: NDArray[np.floating]  # (k * 3,) f: absorption index of a conductor; inf: it reflects everything
     two_sided: NDArray[np.int32]  # (k,) i4: 0 or 1
     transparent_shadow: NDArray[np.int32]  # (k,) i4: 0 or 1
+
+
+class Order(NamedTuple):
+    """Scratch memory for sorting paths."""
+
+    keys: NDArray[np.int32]  # (n,) i4: of octant, dominant axis and cell
+    numbers: NDArray[np.int32]  # (n,) i4: paths in the order of their keys
+    counts: NDArray[np.int32]  # (k,) i4: paths of each key

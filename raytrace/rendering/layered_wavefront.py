@@ -55,9 +55,9 @@ class LayeredWavefront(PathWavefront):
         self._lap("layers")
         super()._scatter(here, n, depth)
 
-    def _add_light(self, here: Paths, n: int) -> None:
+    def _add_light(self, here: Paths, n: int, spare: Paths) -> None:
         radiance, self.radiance = self.radiance, self.light
-        super()._add_light(here, n)
+        super()._add_light(here, n, spare)
         self.radiance = radiance
         split(here, n, 0, self.light, radiance, self.layers)
         self._lap("layers")

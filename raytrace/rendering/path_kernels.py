@@ -8,7 +8,7 @@ import numpy as np
 
 from raytrace.accel import query
 from raytrace.accel.lanes import PACKET
-from raytrace.passes import lights, materials, paths
+from raytrace.passes import compaction, lights, materials, paths
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.film import make_film, make_frame
 from raytrace.passes.light_layers import accumulate_layers, develop_layers, mark_first, split
@@ -26,6 +26,7 @@ from raytrace.records import (
 )
 from raytrace.rendering.layered_wavefront import LayeredWavefront
 from raytrace.rendering.path_wavefront import PathWavefront
+from raytrace.scene.path_plan import NAMES
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]  # a kernel and its arguments
 
@@ -61,6 +62,13 @@ def path_needs_of(scene: Scene, integrator: str, light: bool = False) -> PathNee
         bool(scene.materials.transparent_shadow[used].any()),
         light,
     )
+
+
+def every_need() -> tuple[PathNeeds, ...]:
+    """Scenes that together need every kernel of path tracing: all kinds of lights and materials; and no light."""
+    kinds = tuple(sorted(NAMES))
+    dark = PathNeeds("path", kinds, False, False, False, False, False, background=True, transparent=False)
+    return PathNeeds("path", kinds, True, True, True, True, True, background=False, transparent=True), dark
 
 
 def small_scene(needs: PathNeeds, scene: Scene) -> Scene:
@@ -111,9 +119,10 @@ def path_tracing(front: PathWavefront, rays: Rays) -> Iterator[Call]:
     yield paths.meet_surfaces, (here, 0, scene.shading, scene.normals, vertices)
     if front.samples_lights:
         yield from _light_calls(front)
-        yield paths.add_light, (here, 0, incident, front.radiance)
+        yield compaction.pack_shadow_rays, (incident, 0, front.grid, front.order, front.others)
+        yield compaction.add_light, (here, 0, incident, front.order, front.radiance)
     yield from _material_calls(front)
-    yield paths.go_on, (here, 0, 1, front.others)
+    yield compaction.go_on, (here, 0, 1, front.grid, front.order, front.others)
     if isinstance(front, LayeredWavefront):
         yield from _layer_calls(front)
 
