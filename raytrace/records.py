@@ -87,6 +87,8 @@ class Mesh(NamedTuple):
     normals: NDArray[np.float64] | None  # (m, 3, 3) f8: unit shading normals of the corners; None: all flat
     material_id: NDArray[np.int32]  # (m,) i4: row of Materials
     object_id: NDArray[np.int32]  # (m,) i4: index into Scene.objects
+    uv: NDArray[np.float64] | None = None  # (m, 3, 2) f8: of the corners, NaN: the object has none; None: not needed
+    colors: NDArray[np.float64] | None = None  # (m, 3, 3) f8: linear RGB of the corners; NaN and None as for uv
 
 
 class Settings(NamedTuple):
