@@ -97,16 +97,21 @@ def locate(path: Path) -> None:
     FileError
         There is no such file, or it is a directory, a pipe or a device, or too large.
     """
+    check_file(path, "a mesh file")
+    if format_of(path) not in FORMATS + OTHERS:
+        known = ", ".join(FORMATS + OTHERS)
+        raise SceneError([f"{path}: not a known mesh format (known: {known}, plain or with .gz)"])
+    if path.stat().st_size > MAX_MESH:
+        raise FileError(f"{path}: more than {MAX_MESH} bytes; split it or simplify it")
+
+
+def check_file(path: Path, what: str) -> None:
+    """Raise a FileError for a path that leads to no regular file; what: the expected kind, such as "a mesh file"."""
     try:
-        check_regular(path, "a mesh file")
+        check_regular(path, what)
     except FileError:
         raise
     except (FileNotFoundError, NotADirectoryError):
         raise FileError(no_such_file(path)) from None
     except OSError as error:
         raise FileError(f"{path}: can't be read: {error.strerror or error}") from None
-    if format_of(path) not in FORMATS + OTHERS:
-        known = ", ".join(FORMATS + OTHERS)
-        raise SceneError([f"{path}: not a known mesh format (known: {known}, plain or with .gz)"])
-    if path.stat().st_size > MAX_MESH:
-        raise FileError(f"{path}: more than {MAX_MESH} bytes; split it or simplify it")
