@@ -13,6 +13,7 @@ from raytrace.scene.problems import no_such_file
 
 FORMATS = ".obj", ".ply", ".stl", ".glb", ".gltf"  # read by our own readers
 OTHERS = ".off", ".3mf", ".dae", ".zae", ".xaml", ".3dxml", ".ctm", ".stp", ".step"  # read by trimesh
+IMAGES = ".png", ".jpg", ".jpeg", ".exr"  # of textures
 URI = re.compile(r"(?i)(file|data):|[a-z][a-z0-9+.-]+:/")  # a scheme of one letter is a drive   [RFC3986, 3.1]
 ALLOW = "move it there, or allow a folder: --root DIR, in Python load(..., root=DIR)"
 
@@ -103,6 +104,21 @@ def locate(path: Path) -> None:
         raise SceneError([f"{path}: not a known mesh format (known: {known}, plain or with .gz)"])
     if path.stat().st_size > MAX_MESH:
         raise FileError(f"{path}: more than {MAX_MESH} bytes; split it or simplify it")
+
+
+def locate_image(path: Path) -> None:
+    """Check that a path leads to an image file of a known format, without reading it.
+
+    Raises
+    ------
+    SceneError
+        Its format is none of those that can be read.
+    FileError
+        There is no such file, or it is a directory, a pipe or a device.
+    """
+    check_file(path, "an image")
+    if path.suffix.lower() not in IMAGES:
+        raise SceneError([f"{path}: not a known format of textures (known: {', '.join(IMAGES)})"])
 
 
 def check_file(path: Path, what: str) -> None:

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.errors import FileError, SceneError
-from raytrace.image.texels import SUFFIXES, read_texels, srgb_table
+from raytrace.image.texels import read_texels, srgb_table
 from raytrace.limits import MAX_TEXELS
 from raytrace.records import ATTRIBUTE, BILINEAR, CHECKERBOARD, NEAREST, Materials, Mesh, Texture, Textures
 from raytrace.scene.attributes import TEXTURED
-from raytrace.scene.files import Reach, check_file
+from raytrace.scene.files import Reach, locate_image
 from raytrace.scene.problems import Problem, file_problem
 
 EMISSION = "emission"  # the key of the texture that is not a reflectance
@@ -66,14 +66,16 @@ def read_textures(materials: dict[str, Any], used: Iterable[str], reach: Reach) 
     materials : dict
         Name -> material, as the format reads it.
     used : iterable of str
-        Materials that objects have; the textures of the others are not read.
+        Materials that objects have; of the others, images must exist, and are not read.
     reach : Reach
         The folders that may be read, and the memory that may be used.
     """
     reader, used = _Reader(reach), set(used)
     rows = {key: np.full(len(materials), -1, np.int32) for key in (False, True)}
     for place in places_of(materials):
-        if place.path[1] in used and (texture := reader.read(place)) is not None:
+        if place.path[1] not in used:
+            reader.locate(place)
+        elif (texture := reader.read(place)) is not None:
             rows[place.emits][place.row] = len(reader.made)
             reader.made.append(texture)
     textures = Textures(tuple(reader.made), rows[False], rows[True]) if reader.made else None
@@ -103,11 +105,19 @@ class _Reader:
             codes = self._image(given.image, srgb, path)
             if codes is None:
                 return None
-            check_values(codes, place.emits)
+            check_values(codes, place.emits, f"{given.image}: ", "texels")
         except (SceneError, FileError, ValueError) as error:
             self.problems.append(file_problem(path, error))
             return None
         return image_texture(codes, srgb, given.filter == "nearest", given.scale)
+
+    def locate(self, place: Place) -> None:
+        """Check that the image of a texture exists."""
+        if place.texture.image is not None:
+            try:
+                locate_image(self._reach.find(place.texture.image))
+            except (SceneError, FileError) as error:
+                self.problems.append(file_problem((*place.path, "image"), error))
 
     def _image(self, name: str, srgb: bool, path: tuple[str, ...]) -> NDArray[Any] | None:
         """Codes of an image file; None if it was read before, and is broken."""
@@ -130,21 +140,6 @@ def is_srgb(name: str, encoding: str | None) -> bool:
     return encoding == "srgb" or (encoding is None and Path(name).suffix.lower() != ".exr")
 
 
-def locate_image(path: Path) -> None:
-    """Check that a path leads to an image file of a known format, without reading it.
-
-    Raises
-    ------
-    SceneError
-        Its format is none of those that can be read.
-    FileError
-        There is no such file, or it is a directory, a pipe or a device.
-    """
-    check_file(path, "an image")
-    if path.suffix.lower() not in SUFFIXES:
-        raise SceneError([f"{path}: not a known format of textures (known: {', '.join(SUFFIXES)})"])
-
-
 def image_texture(codes: NDArray[Any], srgb: bool, nearest: bool, scale: tuple[float, float]) -> Texture:
     """Return the texture of an image; codes: (h, w, 3) u1, u2 or f4, row 0 at the bottom."""
     kind, channels = NEAREST if nearest else BILINEAR, codes.reshape(-1, 3).T
@@ -158,7 +153,7 @@ def image_texture(codes: NDArray[Any], srgb: bool, nearest: bool, scale: tuple[f
     return Texture(kind, codes, table, scale, mean)
 
 
-def check_values(colours: NDArray[Any], emits: bool, noun: str = "texels") -> None:
+def check_values(colours: NDArray[Any], emits: bool, name: str, noun: str) -> None:
     """Raise a ValueError that counts the values (..., 3) that are out of range; codes of whole numbers are in it."""
     if colours.dtype.kind != "f":
         return
@@ -169,7 +164,7 @@ def check_values(colours: NDArray[Any], emits: bool, noun: str = "texels") -> No
         allowed = "negative or not finite" if emits else "outside 0 to 1"
         low, high = colours.min(), colours.max()
         raise ValueError(
-            f"{wrong:,} of {colours.size // 3:,} {noun} are {allowed} (the values are {low:.6g} to {high:.6g})"
+            f"{name}{wrong:,} of {colours.size // 3:,} {noun} are {allowed}; the values are {low:.6g} to {high:.6g}"
         )
 
 
@@ -182,9 +177,9 @@ def finish_textures(textures: Textures, materials: dict[str, Any], mesh: Mesh) -
             continue
         colours = mesh.colors[mesh.material_id == place.row].reshape(-1, 3)
         try:
-            check_values(colours, place.emits, "corners of triangles")
+            check_values(colours, place.emits, "vertex colours: ", "corners of triangles")
         except ValueError as error:
-            problems.append(Problem(place.path, f"vertex colours: {error}"))
+            problems.append(Problem(place.path, str(error)))
         made[number] = made[number]._replace(mean=colours.mean(axis=0))
     return textures._replace(table=tuple(made)), problems
 
