@@ -72,11 +72,13 @@ class RawMesh(NamedTuple):
     normal_faces: NDArray[np.int64] | None  # (m, 3) i8: row of normals for each corner; -1: none
     normals_fault: str = ""  # why the normals can't be used: an error in a smooth mesh, ignored in a flat one
     warnings: tuple[str, ...] = ()  # features of the file that are probably not rendered as intended
+    uv: NDArray[np.float64] | None = None  # (m, 3, 2) f8: of the corners, NaN: none; None: no corner has any, or unread
+    colors: NDArray[np.float64] | None = None  # (m, 3, 3) f8: linear RGB of the corners; NaN and None as for uv
 
     @property
     def nbytes(self) -> int:
         """Size of its arrays in bytes."""
-        return sum(array.nbytes for array in self[:4] if array is not None)
+        return sum(array.nbytes for array in self if isinstance(array, np.ndarray))
 
 
 class Mesh(NamedTuple):
