@@ -46,10 +46,13 @@ class Texture(NamedTuple):
     scale: tuple[float, float]  # factors of u and v
     mean: NDArray[np.float64]  # (3,) f8: over the image, or over all corners of the triangles that have it
 
-    def values(self, dtype: Any) -> NDArray[Any]:
-        """Linear colours, (h * w, 3), rounded once to the dtype."""
+    def values(self, out: NDArray[Any]) -> None:
+        """Write linear colours, (h * w, 3), rounded once to the type of the array."""
         codes = self.codes.reshape(-1, 3)
-        return codes.astype(dtype) if self.table is None else self.table.astype(dtype)[codes]
+        if self.table is None:
+            out[:] = codes
+        else:
+            np.take(self.table.astype(out.dtype), codes, out=out, mode="clip")
 
 
 class Textures(NamedTuple):
@@ -96,11 +99,13 @@ class RawMesh(NamedTuple):
     normal_faces: NDArray[np.int64] | None  # (m, 3) i8: row of normals for each corner; -1: none
     normals_fault: str = ""  # why the normals can't be used: an error in a smooth mesh, ignored in a flat one
     warnings: tuple[str, ...] = ()  # features of the file that are probably not rendered as intended
+    uv: NDArray[np.float64] | None = None  # (m, 3, 2) f8: of the corners, NaN: none; None: no corner has any, or unread
+    colors: NDArray[np.float64] | None = None  # (m, 3, 3) f8: linear RGB of the corners; NaN and None as for uv
 
     @property
     def nbytes(self) -> int:
         """Size of its arrays in bytes."""
-        return sum(array.nbytes for array in self[:4] if array is not None)
+        return sum(array.nbytes for array in self if isinstance(array, np.ndarray))
 
 
 class Mesh(NamedTuple):

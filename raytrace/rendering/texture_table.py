@@ -14,29 +14,42 @@ def make_texture_table(scene: Scene, dtype: Any) -> TextureTable | None:
     textures, mesh = scene.textures, scene.mesh
     if textures is None:
         return None
-    layout, texels, total = list[tuple[int, int, int, int]](), list[NDArray[Any]](), 0
-    known: dict[tuple[int, int], int] = {}
+    first, total = dict[Any, int](), 0
     for texture in textures.table:
-        height, width = max(texture.codes.shape[0], 1), max(texture.codes.shape[1], 1)
-        key = id(texture.codes), 0 if texture.table is None else hash(texture.table.tobytes())
-        if key not in known:
-            known[key] = total
-            values = texture.values(dtype) if texture.codes.size else np.zeros((1, 3), dtype)
-            texels.append(values)
-            total += len(values)
-        layout.append((texture.kind, known[key], width, height))
+        if _key(texture) not in first:
+            first[_key(texture)] = total
+            total += _texels(texture)
+    texels = np.zeros((total, 3), dtype)
+    for texture in textures.table:
+        at = first[_key(texture)]
+        texture.values(out=texels[at : at + texture.codes.size // 3])
+    layout = [(each.kind, first[_key(each)], *np.maximum(each.codes.shape[1::-1], 1)) for each in textures.table]
     kinds = {texture.kind for texture in textures.table}
     return TextureTable(
         textures.reflectance,
         textures.emission,
         np.array(layout, np.int32).ravel(),
         np.array([texture.scale for texture in textures.table], dtype).ravel(),
-        np.concatenate(texels).ravel(),
+        texels.ravel(),
         None if mesh.uv is None or kinds == {ATTRIBUTE} else mesh.uv.astype(dtype).ravel(),
         None if mesh.colors is None or ATTRIBUTE not in kinds else mesh.colors.astype(dtype).ravel(),
     )
 
 
-def texture_bytes(textures: tuple[Texture, ...], width: int) -> int:
-    """Bytes of the texels of textures; width: bytes of a float."""
-    return sum({id(texture.codes): texture.codes.size for texture in textures}.values()) * width
+def _key(texture: Texture) -> tuple[int, int, float]:
+    """What images have in common that are stored once: their codes, and what the codes mean."""
+    table = texture.table
+    return id(texture.codes), 0 if table is None else len(table), 0.0 if table is None else float(table[1])
+
+
+def _texels(texture: Texture) -> int:
+    return max(texture.codes.size // 3, 1)
+
+
+def texture_bytes(scene: Scene, width: int) -> int:
+    """Bytes of the table of a scene; width: bytes of a float."""
+    if scene.textures is None:
+        return 0
+    texels = sum({_key(texture): _texels(texture) for texture in scene.textures.table}.values())
+    corners = sum(array.size for array in (scene.mesh.uv, scene.mesh.colors) if array is not None)
+    return (3 * texels + corners) * width

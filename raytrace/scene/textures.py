@@ -131,7 +131,7 @@ class _Reader:
                 raise SceneError([f"with this image the textures have {self._texels:,} texels; at most {MAX_TEXELS:,}"])
             if texels.warning:
                 self.warnings.append(Problem(path, f"{name}: {texels.warning}"))
-            self._images[name, srgb] = texels.codes[::-1]
+            self._images[name, srgb] = np.ascontiguousarray(texels.codes[::-1])
         return self._images[name, srgb]
 
 
