@@ -20,6 +20,7 @@ from raytrace.image.read_png import ALPHA, GREY, GREY_ALPHA, PALETTE, RGB
 SUFFIXES = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".exr": "EXR"}
 SIGNATURES = {b"\x89PNG": ".png", b"\xff\xd8\xff": ".jpg", b"v/1\x01": ".exr"}
 JPEG_BYTES = 24  # peak memory per pixel while reading
+MOST_PIXELS = 1024  # per byte of a JPEG: one bit for each block of 64, and less than that in progressive ones
 MAX_SCANS = 100  # of a progressive JPEG; each one takes the time of a whole image
 MAX_REASON = 200  # characters of a library's message
 IGNORED = "its alpha is below 1 in places, and is ignored"
@@ -190,6 +191,8 @@ def _jpeg(data: bytes, srgb: bool, max_memory: int | None) -> Texels:
 
     image = JpegImageFile(io.BytesIO(data))
     check_size(image.width * image.height, JPEG_BYTES, max_memory)
+    if image.width * image.height > MOST_PIXELS * len(data):  # before memory is taken for them
+        raise ValueError("it is truncated")
     if data.count(b"\xff\xda") > MAX_SCANS:
         raise RefusedError(f"more than {MAX_SCANS} scans; save it again")
     if image.mode not in ("L", "RGB"):
