@@ -109,6 +109,21 @@ def test_the_table_of_srgb_is_its_formula(bits):
             assert abs(table[code] - float(exact)) <= 2e-16
 
 
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_an_orientation_is_told_and_broken_exif_is_not(order):
+    def warning(exif):
+        stream = io.BytesIO()
+        Image.fromarray(images.CODES).save(stream, "JPEG", exif=b"Exif\0\0" + exif)
+        return decode(stream.getvalue(), ".jpg").warning
+
+    head = {"<": b"II*\0", ">": b"MM\0*"}[order] + struct.pack(order + "IH", 8, 2)
+    first, turned = struct.pack(order + "HHIHH", 0x0100, 3, 1, 7, 0), struct.pack(order + "HHIHH", 0x0112, 3, 1, 6, 0)
+    assert warning(head + first + turned) == "its orientation (EXIF) is ignored"
+    assert warning(head + first + turned.replace(b"\6", b"\1")) == ""
+    for broken in (b"", b"II", head[:9], head + first, head + first + turned[:8], b"MM\0*\xff\xff\xff\xff"):
+        assert warning(broken) == ""
+
+
 def test_the_content_says_its_format():
     assert suffix_of_content(images.exr()) == ".exr"
     assert suffix_of_content(twins.png16(np.zeros((1, 1, 3)))) == ".png"
@@ -203,13 +218,10 @@ def test_vertex_colours_out_of_range_are_counted(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.ply").write_text(PLY)
     objects = [{"mesh": "a.ply", "material": "a"}]
-    with pytest.raises(
-        rt.SceneError, match=r"a\.albedo: vertex colours: 1 of 3 corners of triangles are outside 0 to 1"
-    ):
+    with pytest.raises(rt.SceneError, match=r"albedo: vertex colours: 1 of 3 corners of triangles are outside 0 to 1"):
         load(tmp_path, {"attribute": "color"}, objects=objects)
-    assert load(tmp_path, {"attribute": "color"}, "emission", objects=objects).materials.emission.tolist() == [
-        [0.5, 3.5 / 3, 0.5]
-    ]
+    lamp = load(tmp_path, {"attribute": "color"}, "emission", objects=objects)
+    np.testing.assert_allclose(lamp.materials.emission, [[0.5, 3.5 / 3, 0.5]])
 
 
 def test_all_problems_of_textures_are_reported_together(tmp_path, monkeypatch):

@@ -4,6 +4,7 @@ An alpha channel is ignored, with a warning where it is below 1. Sizes are check
 """
 
 import io
+import struct
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
@@ -202,9 +203,25 @@ def _jpeg(data: bytes, srgb: bool, max_memory: int | None) -> Texels:
             read_png.check_profile(image)
         except RefusedError as error:
             raise RefusedError(f"{error}, {ENCODED}") from None
-    turned = image.getexif().get(0x0112, 1) != 1  # Orientation
+    turned = _orientation(image.info.get("exif", b"")) != 1
     codes = np.asarray(image.convert("RGB"))
     return Texels(np.ascontiguousarray(codes), "its orientation (EXIF) is ignored" if turned else "")
+
+
+def _orientation(exif: bytes) -> int:
+    """Tag "orientation" of EXIF data; 1, as it is, where that is missing or broken."""
+    tiff = exif.removeprefix(b"Exif\0\0")
+    order = {b"II": "<", b"MM": ">"}.get(tiff[:2])
+    try:
+        (at,) = struct.unpack_from(f"{order}I", tiff, 4)
+        (count,) = struct.unpack_from(f"{order}H", tiff, at)
+        for entry in range(at + 2, at + 2 + 12 * count, 12):
+            tag, _, _, value = struct.unpack_from(f"{order}HHIH", tiff, entry)
+            if tag == 0x0112:
+                return int(value)
+    except struct.error:
+        return 1
+    return 1
 
 
 def _exr(data: bytes, srgb: bool, max_memory: int | None) -> Texels:
