@@ -5,6 +5,7 @@ An alpha channel is ignored, with a warning where it is below 1. Sizes are check
 
 import io
 import struct
+import warnings
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
@@ -188,9 +189,14 @@ def _planes16(pixels: list[memoryview], header: read_png.Header) -> NDArray[np.u
 
 
 def _jpeg(data: bytes, srgb: bool, max_memory: int | None) -> Texels:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about broken EXIF data, which do not matter
+        return _jpeg_of(data, srgb, max_memory)
+
+
+def _jpeg_of(data: bytes, srgb: bool, max_memory: int | None) -> Texels:
     from PIL.JpegImagePlugin import JpegImageFile
 
-    data, exif = _split_exif(data)
     image = JpegImageFile(io.BytesIO(data))
     check_size(image.width * image.height, JPEG_BYTES, max_memory)
     if image.width * image.height > MOST_PIXELS * len(data):  # before memory is taken for them
@@ -204,22 +210,9 @@ def _jpeg(data: bytes, srgb: bool, max_memory: int | None) -> Texels:
             read_png.check_profile(image)
         except RefusedError as error:
             raise RefusedError(f"{error}, {ENCODED}") from None
-    turned = _orientation(exif) != 1
+    turned = _orientation(image.info.get("exif", b"")) != 1
     codes = np.asarray(image.convert("RGB"))
     return Texels(np.ascontiguousarray(codes), "its orientation (EXIF) is ignored" if turned else "")
-
-
-def _split_exif(data: bytes) -> tuple[bytes, bytes]:
-    """A JPEG without its EXIF data, about which Pillow would warn where they are broken; and these data."""
-    kept, exif, at = [data[:2]], b"", 2
-    while data[at : at + 1] == b"\xff" and data[at + 1 : at + 2] != b"\xda":  # segments before the pixels
-        end = at + 2 + int.from_bytes(data[at + 2 : at + 4], "big")
-        if data[at + 1 : at + 2] == b"\xe1":
-            exif = exif or data[at + 4 : end]
-        else:
-            kept.append(data[at:end])
-        at = end
-    return b"".join([*kept, data[at:]]), exif
 
 
 def _orientation(exif: bytes) -> int:

@@ -2,6 +2,7 @@
 
 import io
 import json
+import warnings
 import zlib
 from pathlib import Path
 from random import Random
@@ -117,7 +118,7 @@ def decoded(path: Path, linear: bool) -> np.ndarray:
     else:
         from PIL import Image
 
-        with Image.open(path) as image:
+        with warnings.catch_warnings(action="ignore"), Image.open(path) as image:
             codes = np.asarray(image.convert("RGB")) / 255
     return codes if linear else srgb_decode(codes)
 
@@ -147,7 +148,7 @@ def png_codes(data: bytes) -> np.ndarray:
             image[top::down, left::across] = values
     if kind == 3:
         palette = next(body for name, body in parts if name == b"PLTE")
-        return np.array(list(palette)).reshape(-1, 3)[image[:, :, 0]] / 255
+        return np.array(list(palette[: len(palette) // 3 * 3])).reshape(-1, 3)[image[:, :, 0]] / 255
     colours = image[:, :, :3] if kind in (2, 6) else image[:, :, :1].repeat(3, axis=2)
     return colours / (2**depth - 1)
 

@@ -95,8 +95,9 @@ def warm() -> None:
         import PIL.JpegImagePlugin  # noqa: F401
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "wide.png")
-        path.write_bytes(textures.wide_pngs()["wide2.png"])
-        rt.render(textures.scene_of(path, None), threads=1)
+        for data in (textures.wide_pngs()["wide2.png"], textures.images.png([bytes(18)] * 4, 8, 2)):
+            path.write_bytes(data)  # a black one is no lamp
+            rt.render(textures.scene_of(path, None), threads=1)
 
 
 def main() -> None:
