@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from raytrace.scene.load import load
 
@@ -180,3 +181,15 @@ def test_the_room_shows_every_mesh_format_and_both_kinds_of_normals():
     assert {Path(item["mesh"]).suffix for item in room["objects"]} == {".obj", ".ply", ".glb"}
     assert {item.get("normals", "flat") for item in room["objects"]} == {"flat", "smooth"}
     assert len(room["lights"]) > 1
+
+
+def test_make_reproduces_the_committed_textures(tmp_path):
+    subprocess.run([sys.executable, SCENES / "textures/make.py", tmp_path], check=True)
+    made = {path.name for path in tmp_path.iterdir()}
+    assert made == {path.name for path in (SCENES / "textures").iterdir() if path.suffix not in (".py", "")}
+    for name in made:
+        if name.endswith(".png"):  # zlib builds differ in how they compress, not in what
+            with Image.open(tmp_path / name) as new, Image.open(SCENES / "textures" / name) as old:
+                np.testing.assert_array_equal(np.asarray(new), np.asarray(old))
+        else:
+            assert (tmp_path / name).read_bytes() == (SCENES / "textures" / name).read_bytes()
