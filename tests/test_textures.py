@@ -198,7 +198,7 @@ def test_constant_textures_are_constant_colours_bit_for_bit(folder, precision, i
     textured, plain = rt.load(of_kinds(True)), rt.load(of_kinds(False))
     assert len(textured.textures.table) == 7
     assert plain.textures is None
-    render = {"precision": precision, "integrator": integrator, "spp": 4}
+    render = {"precision": precision, "integrator": integrator, "spp": 4, "sampler": "independent"}
     found = rt.render(textured, **render).rgb
     np.testing.assert_array_equal(found, rt.render(plain, **render).rgb)
     assert len(np.unique(found[..., 0])) > 100
@@ -236,6 +236,36 @@ def test_light_of_a_textured_lamp_is_that_of_its_mean(folder, integrator):
     spread = means.std(axis=0, ddof=1) / math.sqrt(8)
     assert (abs(means.mean(axis=0) - want) <= 4.5 * spread + 1e-5 * want).all()
     assert (spread < 0.02 * want).all()
+
+
+def test_a_textured_lamp_lights_as_lamps_of_its_texels(folder):
+    """A lamp of 2 x 2 texels close to a floor, and four lamps in the same places: the same light on each quarter."""
+    values = np.array([[1.0, 8.0], [4.0, 0.25]])  # row 0 at the top
+    (folder / "quarters.exr").write_bytes(twins.exr(values[:, :, None] * [1, 1, 1]))
+    one = {"rectangle": {}, "material": "all", "scale": 0.5, "flip": True, "translate": [0, 0, 0.3]}
+    materials = {"all": BLACK | {"emission": {"image": "quarters.exr", "filter": "nearest"}}}
+    scene = {
+        "camera": {"position": [0, 0, 0.25], "look_at": [0, 0, 0], "fov": math.degrees(2 * math.atan(2))},
+        "film": {"size": [16, 16]},
+        "render": {"max_depth": 1, "spp": 16, "precision": "float32"},
+    }
+    floor, white = {"rectangle": {}, "material": "a", "scale": 0.5}, {"type": "diffuse", "albedo": [0.8] * 3}
+    textured = scene | {"materials": materials | {"a": white}, "objects": [floor, one]}
+    four, materials = [], {"a": white}
+    for (row, column), value in np.ndenumerate(values):
+        place = [column / 2 - 0.25, 0.25 - row / 2, 0.3]
+        materials[f"{row}{column}"] = BLACK | {"emission": [value] * 3}
+        four.append({**one, "material": f"{row}{column}", "scale": 0.25, "translate": place})
+    means = []
+    for each in (textured, scene | {"materials": materials, "objects": [floor, *four]}):
+        loaded = rt.load(each)
+        films = np.array([rt.render(loaded, seed=seed).rgb[..., 0] for seed in range(8)], np.float64)
+        means.append(films.reshape(8, 2, 8, 2, 8).mean(axis=(2, 4)))
+    first, second = means
+    spread = np.sqrt((first.var(axis=0, ddof=1) + second.var(axis=0, ddof=1)) / 8)
+    assert (abs(first.mean(axis=0) - second.mean(axis=0)) <= 4.5 * spread).all()
+    assert (spread < 0.02 * second.mean(axis=0)).all()
+    assert (second.mean(axis=0).argsort(axis=None) == values.argsort(axis=None)).all()
 
 
 # Scenes ---------------------------------------------------------------------------------------------------------------
