@@ -1,6 +1,8 @@
 """uv and vertex colours of mesh files, of meshes that programs give, and of the joined mesh of a scene."""
 
+import re
 import struct
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -203,6 +205,13 @@ def test_uv_of_the_faces_of_a_ply(order):
     wedges[2] = wedges[2][:4]
     with pytest.raises(ValueError, match="face row 2 has 3 corners and 4 numbers of texcoord"):
         read_ply(ply(order, [], [], np.empty((5, 0)), wedges), UV)
+
+
+def test_uv_of_faces_beside_edges_that_are_left_out():
+    head = b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 2\n"
+    head += b"property list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
+    mesh = read_ply(head + b"0 0 0\n1 0 0\n0 1 0\n2 0 1 4 9 9 9 9\n3 0 1 2 6 1 2 3 4 5 6\n", UV)
+    assert mesh.uv.tolist() == [[[1, 2], [3, 4], [5, 6]]]
 
 
 def test_strips_of_a_ply_have_uv():
@@ -426,9 +435,17 @@ def test_the_joined_mesh_has_rows_for_all_objects(tmp_path, needs):
 def test_a_mesh_that_two_materials_share_is_read_once_with_what_both_need(tmp_path, needs, monkeypatch):
     read = []
     monkeypatch.setattr(assemble, "read_mesh", lambda *args: read.append(args) or read_mesh(*args))
-    made = loaded(tmp_path, {"mesh": "quad.obj", "material": "white"}, {"mesh": "quad.obj", "material": "floor"})
+    colours = re.sub(r"(?m)^(v .*)$", r"\1 0.5 0.25 1", QUAD)
+    monkeypatch.setattr(sys.modules[__name__], "QUAD", colours)
+    made = loaded(
+        tmp_path,
+        {"mesh": "quad.obj", "material": "white"},
+        {"mesh": "quad.obj", "material": "baked"},
+        {"mesh": "quad.obj", "material": "floor"},
+    )
     assert len(read) == 1
-    assert np.isfinite(made.mesh.uv[2:]).all()
+    assert np.isfinite(made.mesh.uv[4:]).all()
+    assert np.isfinite(made.mesh.colors[2:4]).all()
 
 
 @pytest.mark.parametrize(
