@@ -208,8 +208,8 @@ def test_uv_of_the_faces_of_a_ply(order):
 
 
 def test_uv_of_faces_beside_edges_that_are_left_out():
-    head = b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 2\n"
-    head += b"property list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
+    head = b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    head += b"element face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
     mesh = read_ply(head + b"0 0 0\n1 0 0\n0 1 0\n2 0 1 4 9 9 9 9\n3 0 1 2 6 1 2 3 4 5 6\n", UV)
     assert mesh.uv.tolist() == [[[1, 2], [3, 4], [5, 6]]]
 
