@@ -182,10 +182,11 @@ class Trees(NamedTuple):
     refraction: bool
     lights: bool
     paths: bool = False  # whether the passes of path tracing run
+    textures: int = 0  # bytes
 
     def built(self) -> float:
-        """Return the bytes of all trees."""
-        return float(TREE[self.width] * self.triangles * self.trees)
+        """Return the bytes of all trees, and of textures."""
+        return float(TREE[self.width] * self.triangles * self.trees + self.textures)
 
     def building(self) -> float:
         """Return the largest number of bytes while they are built, one after the other."""
@@ -231,6 +232,7 @@ def check_render(render: RenderSize, trees: Trees, max_memory: int | None) -> No
     }
     if lacks := Allowance(max_memory).lacks(render.total(trees), max(cures, key=cures.__getitem__)):
         parts = f"{size(film)} for {render.pixels:,} pixels, {size(building)} for {trees.triangles:,} triangles"
+        parts += f" and textures of {size(trees.textures)}" * bool(trees.textures)
         raise MemoryLimitError(f"memory: the image, with {parts}, {lacks}")
 
 

@@ -46,39 +46,37 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
     SceneError, FileError
         What is wrong with meshes.
     """
-    shapes = _Shapes(scene, reach, text.meshes, needed(data))
+    needs = needed(data)
+    shapes = _Shapes(scene, reach, text.meshes, needs)
     shapes.place_all()
-    if shapes.problems:
-        raise text.error(shapes.problems, origins)
+    read = _read_textures(scene, reach) if needs else None
+    if problems := shapes.problems + (read.problems if read else []):
+        raise text.error(problems, origins)
     mesh, mesh_warnings = join(shapes.placed)
+    materials, textures, warnings = materials_of(scene), None, checks.warn(data)
+    if read is not None:
+        read = read.finished(scene.materials, materials, mesh)
+        if read.problems:
+            raise text.error(read.problems, origins)
+        materials, textures, warnings = read.means, read.textures, warnings + read.warnings
     names = _names(scene)
-    warnings = checks.warn(data)
     for i, what in shapes.warnings + mesh_warnings:
         warnings.append(Problem(("objects", i, shape_of(scene.objects[i])), f"{names[i]}: {what}"))
     view = scene.camera
     camera = Camera(np.array(view.position), np.array(view.look_at), np.array(view.up), view.fov)
     background = np.array(scene.background)
-    materials = materials_of(scene)
-    render = scene.render
     made = Scene(
         source=path,
         about=scene.about,
         camera=camera,
-        settings=Settings(
-            scene.film.size,
-            render.spp,
-            render.max_depth,
-            render.sampler,
-            render.precision,
-            render.seed,
-            render.integrator,
-        ),
+        settings=_settings(scene.film, scene.render),
         background=background,
         materials=materials,
         lights=lights_of(scene),
         mesh=mesh,
         objects=names,
         warnings=(),
+        textures=textures,
     )
     if made.refractive:
         from raytrace.scene.coincident import MOST_PAIRS, chosen_coincidences
@@ -86,6 +84,25 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
         for found in chosen_coincidences(made)[:MOST_PAIRS]:
             warnings.append(Problem(("objects", found.first), found.text(names)))
     return replace(made, warnings=text.warn(warnings, origins)) if warnings else made
+
+
+def _settings(film: Any, render: Any) -> Settings:
+    return Settings(
+        film.size,
+        render.spp,
+        render.max_depth,
+        render.sampler,
+        render.precision,
+        render.seed,
+        render.integrator,
+    )
+
+
+def _read_textures(scene: Any, reach: Reach) -> Any:
+    """Read the textures of a scene that has some."""
+    from raytrace.scene.textures import read_textures
+
+    return read_textures(scene.materials, (entry.material for entry in scene.objects), reach)
 
 
 class _Shapes:
