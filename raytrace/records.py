@@ -3,12 +3,15 @@
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.scene.fingerprint import fingerprint
+
+if TYPE_CHECKING:
+    from raytrace.scene.uv_source import UvSource
 
 DIFFUSE, REFRACTIVE, MIRROR, DIELECTRIC, CONDUCTOR = range(5)  # Materials.kind
 BILINEAR, NEAREST, CHECKERBOARD, ATTRIBUTE = range(4)  # Texture.kind
@@ -147,8 +150,20 @@ class Scene:
     objects: tuple[str, ...]  # a short name per object, for messages
     warnings: tuple[str, ...]  # about valid but probably unintended content, one line each
     textures: Textures | None = None  # of the materials that objects have; None: there are none
+    uv_source: "UvSource | None" = None  # reads uv that no material needs; None: there are none but those of the mesh
 
     sha256 = cached_property(fingerprint)  # computed on first use; a scene from ``dataclasses.replace`` has its own
+
+    @cached_property
+    def corner_uv(self) -> NDArray[np.float64] | None:
+        """Texture coordinates of the corners of all triangles, (m, 3, 2); those that no material needs are read now.
+
+        NaN for objects that have none; None if none has.
+        """
+        uv = self.mesh.uv
+        if self.uv_source is None or (uv is not None and not np.isnan(uv).any()):
+            return uv
+        return self.uv_source.read(self.mesh)
 
     @property
     def refractive(self) -> bool:

@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raytrace.passes.path_records import TextureTable
 from raytrace.records import ATTRIBUTE, Scene, Texture

@@ -23,6 +23,7 @@ from raytrace.scene.shapes import make_shape, shape_of, shape_size, sphere_frequ
 from raytrace.scene.tables import lights_of, materials_of
 from raytrace.scene.text import Text
 from raytrace.scene.transforms import PlacedMesh, place
+from raytrace.scene.uv_source import UvSource
 
 
 def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, origins: Origins, reach: Reach) -> Scene:
@@ -47,7 +48,7 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
         What is wrong with meshes.
     """
     needs = needed(data)
-    shapes = _Shapes(scene, reach, text.meshes, needs)
+    shapes = ShapeReader(scene, reach, text.meshes, needs)
     shapes.place_all()
     read = _read_textures(scene, reach) if needs else None
     if problems := shapes.problems + (read.problems if read else []):
@@ -77,6 +78,7 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
         objects=names,
         warnings=(),
         textures=textures,
+        uv_source=UvSource(scene.objects, reach, text.meshes),
     )
     if made.refractive:
         from raytrace.scene.coincident import MOST_PAIRS, chosen_coincidences
@@ -105,7 +107,7 @@ def _read_textures(scene: Any, reach: Reach) -> Any:
     return read_textures(scene.materials, (entry.material for entry in scene.objects), reach)
 
 
-class _Shapes:
+class ShapeReader:
     """The shapes of a scene: each read or made once, and placed where its objects state.
 
     Parameters
@@ -116,14 +118,18 @@ class _Shapes:
         Name -> mesh that a program gives in memory.
     needs : dict of str
         Name of a material -> attributes that it needs.
+    strict : bool
+        Whether it is an error if a mesh lacks one of them.
     """
 
-    def __init__(self, scene: Any, reach: Reach, given: Mapping[str, Any], needs: dict[str, set[str]]) -> None:
+    def __init__(
+        self, scene: Any, reach: Reach, given: Mapping[str, Any], needs: dict[str, set[str]], *, strict: bool = True
+    ) -> None:
         self.placed: list[PlacedMesh] = []
         self.problems: list[Problem] = []
         self.warnings: list[MeshWarning] = []
         self._scene, self._reach, self._given = scene, reach, given
-        self._needs, self._wanted = needs, wanted_of(scene.objects, needs)
+        self._needs, self._wanted, self._strict = needs, wanted_of(scene.objects, needs), strict
         self._made: dict[Any, RawMesh | None] = {}
         self._allowance, self._joining = Allowance(reach.max_memory), Joining()
 
@@ -136,7 +142,7 @@ class _Shapes:
             try:
                 raw = self._mesh(i, entry) if entry.mesh is not None else self._shape(entry)
                 if raw is not None:
-                    if needs := self._needs.get(entry.material):
+                    if self._strict and (needs := self._needs.get(entry.material)):
                         check_attributes(raw, needs, _name(entry), entry.material)
                     self.placed.append(place(raw, entry, rows[entry.material]))
             except _TooLargeError as error:  # more objects would not make it smaller
