@@ -24,7 +24,7 @@ from raytrace.accel.lanes import (
 from raytrace.accel.vectors import choose3
 from raytrace.jit import inlined, kernel
 from raytrace.passes.surface import load3, numbers_of, row_of, store3, vector_of
-from raytrace.records import CHECKERBOARD, NEAREST
+from raytrace.texture_records import CHECKERBOARD, NEAREST
 
 
 @inlined

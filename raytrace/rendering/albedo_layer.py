@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.passes.textures import between, cell, colors_at, nearest_at, square_at, uv_at
-from raytrace.records import ATTRIBUTE, CHECKERBOARD, NEAREST, Scene, Texture
+from raytrace.records import Scene
+from raytrace.texture_records import ATTRIBUTE, CHECKERBOARD, NEAREST, Texture
 
 EPSILON = float(np.finfo(np.float64).eps)
 
@@ -31,7 +32,8 @@ def albedo_at(scene: Scene, prim_id: NDArray[np.integer], u: NDArray[Any], v: ND
         rows = np.flatnonzero(numbers == number)
         if len(rows):
             point = prim_id[rows].astype(np.int32), u[rows].astype(np.float64), v[rows].astype(np.float64)
-            albedo[rows] = np.stack(_colours(scene, texture, *point), axis=1)
+            with np.errstate(all="ignore"):  # coordinates that are not finite are looked up as 0
+                albedo[rows] = np.stack(_colours(scene, texture, *point), axis=1)
     return albedo
 
 

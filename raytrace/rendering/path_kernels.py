@@ -11,8 +11,6 @@ from raytrace.accel.lanes import PACKET
 from raytrace.passes import lights, materials, paths, textures
 from raytrace.passes.camera import camera_rays
 from raytrace.records import (
-    ATTRIBUTE,
-    CHECKERBOARD,
     CONDUCTOR,
     DIELECTRIC,
     MIRROR,
@@ -23,10 +21,9 @@ from raytrace.records import (
     Rays,
     Scene,
     Spots,
-    Texture,
-    Textures,
 )
 from raytrace.rendering.path_wavefront import PathWavefront
+from raytrace.texture_records import ATTRIBUTE, CHECKERBOARD, Texture, Textures
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]  # a kernel and its arguments
 

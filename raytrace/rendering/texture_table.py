@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from raytrace.passes.path_records import TextureTable
-from raytrace.records import ATTRIBUTE, Scene, Texture
+from raytrace.records import Scene
+from raytrace.texture_records import ATTRIBUTE, Texture
 
 
 def make_texture_table(scene: Scene, dtype: Any) -> TextureTable | None:
@@ -24,13 +25,15 @@ def make_texture_table(scene: Scene, dtype: Any) -> TextureTable | None:
         texture.values(out=texels[at : at + texture.codes.size // 3])
     layout = [(each.kind, first[_key(each)], *np.maximum(each.codes.shape[1::-1], 1)) for each in textures.table]
     kinds = {texture.kind for texture in textures.table}
+    with np.errstate(over="ignore"):  # coordinates that are infinite in this precision are looked up as 0
+        uv = None if mesh.uv is None or kinds == {ATTRIBUTE} else mesh.uv.astype(dtype).ravel()
     return TextureTable(
         textures.reflectance,
         textures.emission,
         np.array(layout, np.int32).ravel(),
         np.array([texture.scale for texture in textures.table], dtype).ravel(),
         texels.ravel(),
-        None if mesh.uv is None or kinds == {ATTRIBUTE} else mesh.uv.astype(dtype).ravel(),
+        uv,
         None if mesh.colors is None or ATTRIBUTE not in kinds else mesh.colors.astype(dtype).ravel(),
     )
 

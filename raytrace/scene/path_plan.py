@@ -3,18 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.records import (
-    ATTRIBUTE,
-    BILINEAR,
-    CHECKERBOARD,
-    CONDUCTOR,
-    DIELECTRIC,
-    DIFFUSE,
-    MIRROR,
-    NEAREST,
-    REFRACTIVE,
-    Scene,
-)
+from raytrace.records import CONDUCTOR, DIELECTRIC, DIFFUSE, MIRROR, REFRACTIVE, Scene
+from raytrace.texture_records import ATTRIBUTE, BILINEAR, CHECKERBOARD, NEAREST
 
 NAMES = {
     DIFFUSE: "diffuse",

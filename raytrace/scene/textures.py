@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from raytrace.errors import FileError, SceneError
 from raytrace.image.texels import read_texels, srgb_table
 from raytrace.limits import MAX_TEXELS
-from raytrace.records import ATTRIBUTE, BILINEAR, CHECKERBOARD, NEAREST, Materials, Mesh, Texture, Textures
+from raytrace.records import Materials, Mesh
 from raytrace.scene.attributes import TEXTURED
 from raytrace.scene.files import Reach, locate_image
 from raytrace.scene.problems import Problem, file_problem
+from raytrace.texture_records import ATTRIBUTE, BILINEAR, CHECKERBOARD, NEAREST, Texture, Textures
 
 EMISSION = "emission"  # the key of the texture that is not a reflectance
 NOTHING = np.zeros(3)
@@ -144,12 +145,14 @@ def image_texture(codes: NDArray[Any], srgb: bool, nearest: bool, scale: tuple[f
     """Return the texture of an image; codes: (h, w, 3) u1, u2 or f4, row 0 at the bottom."""
     kind, channels = NEAREST if nearest else BILINEAR, codes.reshape(-1, 3).T
     if codes.dtype.kind == "f":
-        mean = np.array([channel.sum(dtype=np.float64) / channel.size for channel in channels])
+        means = [float(channel[0]) + (channel - channel[0]).mean(dtype=np.float64) for channel in channels]
+        mean = np.array(means)
         return Texture(kind, codes, None, scale, mean)
     bits = 8 * codes.itemsize
     table = srgb_table(bits) if srgb else np.arange(2**bits) / (2**bits - 1)
     counts = [np.bincount(channel, minlength=len(table)) for channel in channels]
-    mean = np.array([(count * table).sum() / channels.shape[1] for count in counts])
+    first = table[codes[0, 0]]  # the mean of equal values is this very value
+    mean = first + [(count * (table - start)).sum() / count.sum() for start, count in zip(first, counts, strict=True)]
     return Texture(kind, codes, table, scale, mean)
 
 
@@ -180,7 +183,7 @@ def finish_textures(textures: Textures, materials: dict[str, Any], mesh: Mesh) -
             check_values(colours, place.emits, "vertex colours: ", "corners of triangles")
         except ValueError as error:
             problems.append(Problem(place.path, str(error)))
-        made[number] = made[number]._replace(mean=colours.mean(axis=0))
+        made[number] = made[number]._replace(mean=colours[0] + (colours - colours[0]).mean(axis=0))
     return textures._replace(table=tuple(made)), problems
 
 
