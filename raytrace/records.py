@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.scene.fingerprint import fingerprint
-from raytrace.texture_records import Textures
+from raytrace.texture_records import FileMaterial, Textures
 
 if TYPE_CHECKING:
     from raytrace.scene.uv_source import UvSource
@@ -78,6 +78,8 @@ class RawMesh(NamedTuple):
     warnings: tuple[str, ...] = ()  # features of the file that are probably not rendered as intended
     uv: NDArray[np.float64] | None = None  # (m, 3, 2) f8: of the corners, NaN: none; None: no corner has any, or unread
     colors: NDArray[np.float64] | None = None  # (m, 3, 3) f8: linear RGB of the corners; NaN and None as for uv
+    parts: NDArray[np.int32] | None = None  # (m,) i4: row of ``materials``; None: they were not asked for
+    materials: tuple[FileMaterial, ...] = ()  # of the file
 
     @property
     def nbytes(self) -> int:
@@ -137,7 +139,8 @@ class Scene:
         uv = self.mesh.uv
         if self.uv_source is None or (uv is not None and not np.isnan(uv).any()):
             return uv
-        return self.uv_source.read(self.mesh)
+        read = self.uv_source.read(self.mesh)
+        return read if uv is None or read is None else np.where(np.isnan(uv), read, uv)
 
     @property
     def refractive(self) -> bool:

@@ -321,7 +321,7 @@ def test_glb_attributes_of_another_length_or_type_are_refused():
 
 def test_a_trimesh_with_uv_or_colours():
     box = trimesh.creation.box()
-    assert read_given(box, BOTH)[5:] == ((), None, None)
+    assert read_given(box, BOTH)[5:8] == ((), None, None)
     box.visual = trimesh.visual.TextureVisuals(uv=uv_at(box.vertices))
     np.testing.assert_array_equal(read_given(box, BOTH).uv, uv_at(box.vertices[box.faces]))
     assert read_given(box).uv is None

@@ -47,10 +47,9 @@ class UvSource(NamedTuple):
             entry.mesh is not None and MARK in entry.mesh and entry.mesh not in self.given for entry in self.objects
         ):
             raise FileError("uv: a mesh that a program gave is not sent to other processes; load the scene there")
-        names = {str(entry.material) for entry in self.objects}
-        objects = [SimpleNamespace(**{**vars(entry), "material": str(entry.material)}) for entry in self.objects]
-        scene = SimpleNamespace(objects=objects, materials=dict.fromkeys(names))
-        shapes = ShapeReader(scene, self.reach, self.given, {name: {UV} for name in names}, strict=False)
+        objects = [SimpleNamespace(**{**vars(entry), "material": ""}) for entry in self.objects]
+        scene = SimpleNamespace(objects=objects, materials={"": None})
+        shapes = ShapeReader(scene, self.reach, self.given, {"": {UV}}, strict=False)
         shapes.place_all()
         if shapes.problems:
             first = shapes.problems[0]

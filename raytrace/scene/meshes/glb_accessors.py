@@ -151,11 +151,23 @@ class Accessors:
         if uri is None:
             return self._chunk if index == 0 else memoryview(b"")
         if index not in self._read:
-            if str(uri)[:5].lower() != "data:":
-                self._read[index] = memoryview(self._other(str(uri)))
-                return self._read[index]
-            try:
-                self._read[index] = memoryview(base64.b64decode(str(uri).partition(";base64,")[2], validate=True))
-            except (binascii.Error, ValueError):
-                raise ValueError(f"buffers[{index}]: its data is not base64") from None
+            self._read[index] = memoryview(self._content(str(uri), f"buffers[{index}]"))
         return self._read[index]
+
+    def _content(self, uri: str, name: str) -> bytes:
+        """Return the data of a URI: its own, or that of another file."""
+        if uri[:5].lower() != "data:":
+            return self._other(uri)
+        try:
+            return base64.b64decode(uri.partition(";base64,")[2], validate=True)
+        except (binascii.Error, ValueError):
+            raise ValueError(f"{name}: its data is not base64") from None
+
+    def image(self, record: Record) -> bytes:
+        """Return the content of an entry of ``images``: a whole image file."""
+        if "bufferView" in record:
+            return bytes(self._bytes(item(self._document, "bufferViews", record["bufferView"])))
+        uri = str(record.get("uri", "data:;base64,"))
+        if self._other is _in_the_file and uri[:5].lower() != "data:":
+            raise UnsupportedError(f"an image in another file, {uri[:200]}; export one file, or use .gltf")
+        return self._content(uri, "images")
