@@ -1,4 +1,4 @@
-"""Run cases by the thousand: ``PYTHONPATH=. python tests/fuzz/run.py scenes``; or meshes, attributes, pictures, lies."""
+"""Run cases by the thousand: ``PYTHONPATH=. python tests/fuzz/run.py scenes``; or meshes, attributes, pictures."""
 
 import argparse
 import sys
