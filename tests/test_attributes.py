@@ -2,6 +2,7 @@
 
 import re
 import struct
+import subprocess
 import sys
 from types import SimpleNamespace
 
@@ -412,6 +413,17 @@ def test_a_scene_whose_materials_need_none_has_none_and_the_same_hash(tmp_path, 
     (tmp_path / "quad.obj").write_text(QUAD.replace("vt 2 3", "vt 2 wrong"))  # is not even read
     again = rt.load(tmp_path / "scene.json")
     assert fingerprint(again) == fingerprint(made)
+
+
+def test_a_scene_that_needs_none_imports_nothing_for_them(tmp_path):
+    write(tmp_path, scene(objects=[{"mesh": name, "material": "white"} for name in ("triangle.obj", "a.ply", "a.glb")]))
+    (tmp_path / "a.ply").write_bytes(ply("ascii", ["s", "t"], ["f4", "f4"], uv_at(PYRAMID)))
+    (tmp_path / "a.glb").write_bytes(square_with(TEXCOORD_0=(np.zeros((4, 2), "<f4"), {})).glb())
+    lazy = ["ply_corners", "glb_corners", "glb_materials", "visual", "file_materials", "shape_uv", "textures", "texels"]
+    program = "import sys, raytrace as rt; rt.load(sys.argv[1]); print(*(n.rpartition('.')[2] for n in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", program, str(tmp_path / "scene.json")], capture_output=True, text=True)
+    assert "assemble" in done.stdout.split(), done.stderr
+    assert not {*lazy} & {*done.stdout.split()}
 
 
 def test_the_joined_mesh_has_rows_for_all_objects(tmp_path, needs):

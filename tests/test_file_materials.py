@@ -260,7 +260,7 @@ def test_broken_materials_are_told_with_the_object(tmp_path):
     broken = add_image(file_with(pbr(baseColorTexture={"index": 0}), TEXCOORD_0=UV), png()[:60])
     text = problem(tmp_path, broken)
     assert "objects[0].material: " in text
-    assert "a.glb: materials[0]: images[0]: not a valid PNG image" in text
+    assert "a.glb: images[0]: not a valid PNG image" in text
     metal = add_image(file_with(pbr(metallicRoughnessTexture={"index": 0}), TEXCOORD_0=UV), png()[:60])
     assert "objects[0].mesh: a.glb: images[0]: not a valid PNG image" in problem(tmp_path, metal)
     for change, told in (
@@ -277,6 +277,9 @@ def test_broken_materials_are_told_with_the_object(tmp_path):
         (pbr(baseColorTexture={"index": 3}), "textures[3] does not exist"),
     ):
         assert told in problem(tmp_path, file_with(material, TEXCOORD_0=UV))
+    many = add_image(file_with(*[pbr(baseColorTexture={"index": k}) for k in range(9)], TEXCOORD_0=UV))
+    many.json |= {"textures": [{"source": k} for k in range(9)], "images": many.json["images"] * 9}
+    assert "its images overlap" in problem(tmp_path, many)
     outside = add_image(file_with(pbr(baseColorTexture={"index": 0}), TEXCOORD_0=UV))
     outside.json["images"] = [{"uri": "b.png"}]
     assert "an image in another file, b.png; export one file" in problem(tmp_path, outside)

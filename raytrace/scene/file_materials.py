@@ -11,6 +11,7 @@ from raytrace.scene.format import keys_of, read_material
 from raytrace.scene.problems import Problem
 from raytrace.texture_records import FileImage, FileMaterial
 
+WHITE = (1.0, 1.0, 1.0)
 METAL = 0.5  # metallic from which on a material is a conductor
 
 
@@ -35,6 +36,7 @@ class SceneFileMaterials:
     def __init__(self, materials: dict[str, Any], max_memory: int | None) -> None:
         self._materials, self._max_memory = materials, max_memory
         self._rows: dict[str, NDArray[np.int32]] = {}  # by mesh
+        self._means: dict[str, NDArray[np.float64]] = {}  # of images of metallic and roughness
         self._objects: dict[str, int] = {}  # name of a material -> the first object that has it
         self.images: dict[str, GivenImage] = {}  # by the names that textures have for them
         self.left_out: dict[str, tuple[str, ...]] = {}  # by mesh
@@ -86,7 +88,8 @@ class SceneFileMaterials:
             metallic, roughness = metallic * mean[2], roughness * mean[1]
         color: Any = list(material.base_color)
         if material.image is not None:
-            color = {"image": f"{name}: {material.image.name}", "encoding": "srgb"}
+            tint = "" if material.base_color == WHITE else f" times {material.base_color}"
+            color = {"image": f"{mesh}: {material.image.name}{tint}", "encoding": "srgb"}
             color["filter"] = "nearest" if material.nearest else "bilinear"
             self.images[color["image"]] = GivenImage(material.image, material.base_color)
         elif material.colors:
@@ -105,5 +108,7 @@ class SceneFileMaterials:
         from raytrace.image.texels import decode_texels, suffix_of_content
 
         name = f"{mesh}: {image.name}"
-        codes = decode_texels(image.data, suffix_of_content(image.data), False, name, self._max_memory).codes
-        return codes.reshape(-1, 3).mean(axis=0, dtype=np.float64) / np.iinfo(codes.dtype).max
+        if name not in self._means:
+            codes = decode_texels(image.data, suffix_of_content(image.data), False, name, self._max_memory).codes
+            self._means[name] = codes.reshape(-1, 3).mean(axis=0, dtype=np.float64) / np.iinfo(codes.dtype).max
+        return self._means[name]

@@ -8,6 +8,7 @@ several keys must agree on.
 import contextlib
 import json
 from collections.abc import Callable, Iterator
+from functools import cache
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -83,8 +84,14 @@ def read_format(data: Any) -> Reading:
 
 def keys_of(model: str) -> dict[str, Schema]:
     """Return the keys of a model of the schema, such as ``Conductor``."""
-    properties: dict[str, Schema] = json.loads(schema_text())["$defs"][model]["properties"]
+    properties: dict[str, Schema] = _schema()["$defs"][model]["properties"]
     return properties
+
+
+@cache
+def _schema() -> Schema:
+    schema: Schema = json.loads(schema_text())
+    return schema
 
 
 def read_material(data: dict[str, Any]) -> SimpleNamespace:
@@ -95,7 +102,7 @@ def read_material(data: dict[str, Any]) -> SimpleNamespace:
     >>> read_material({"type": "diffuse", "albedo": [1, 0, 0]}).two_sided
     False
     """
-    schema = json.loads(schema_text())
+    schema = _schema()
     reader = _Reader(schema["$defs"])
     material: SimpleNamespace = reader.read(schema["properties"]["materials"]["additionalProperties"], data, ("",))
     assert not reader.problems, reader.problems[0].text

@@ -18,7 +18,6 @@ from raytrace.records import RawMesh
 from raytrace.scene.attributes import MATERIAL, NOTHING, Wanted
 from raytrace.scene.meshes.errors import TooLargeError, TooManyTrianglesError, UnsupportedError
 from raytrace.scene.meshes.glb_accessors import BYTE, FLOAT, INDEX, SHORT, UBYTE, USHORT, Accessors
-from raytrace.scene.meshes.glb_corners import with_attributes
 from raytrace.scene.meshes.glb_deform import Skins, distinct, morph
 from raytrace.scene.meshes.glb_extensions import DRACO, check_extensions
 from raytrace.scene.meshes.glb_json import Record, extension, record_in
@@ -127,6 +126,8 @@ def _more(document: Record, accessors: Accessors, wanted: Wanted) -> Callable[[t
         materials = FileMaterials(document, accessors)
         return lambda made, primitive: materials.apply(made[0], primitive, made[1])
     if wanted:
+        from raytrace.scene.meshes.glb_corners import with_attributes
+
         return lambda made, primitive: with_attributes(made[0], primitive, accessors, made[1], wanted)
     return lambda made, _: made[0]
 

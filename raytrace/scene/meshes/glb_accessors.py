@@ -41,7 +41,7 @@ class Accessors:
     def __init__(self, document: Record, chunk: memoryview, other: Callable[[str], bytes] = _in_the_file) -> None:
         self._document, self._chunk, self._other = document, chunk, other
         self._read: dict[int, memoryview] = {}
-        self._work = 0
+        self._work = self._pictured = 0  # numbers, and bytes of images, that were read
 
     def count(self, index: Any) -> int:
         """Return the number of rows that an accessor states."""
@@ -166,7 +166,11 @@ class Accessors:
     def image(self, record: Record) -> bytes:
         """Return the content of an entry of ``images``: a whole image file."""
         if "bufferView" in record:
-            return bytes(self._bytes(item(self._document, "bufferViews", record["bufferView"])))
+            data = self._bytes(item(self._document, "bufferViews", record["bufferView"]))
+            self._pictured += len(data)
+            if self._pictured > len(self._chunk) + sum(map(len, self._read.values())):
+                raise TooLargeError("its images overlap: together they are larger than the file")
+            return bytes(data)
         uri = str(record.get("uri", "data:;base64,"))
         if self._other is _in_the_file and uri[:5].lower() != "data:":
             raise UnsupportedError(f"an image in another file, {uri[:200]}; export one file, or use .gltf")
