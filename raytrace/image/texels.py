@@ -4,6 +4,8 @@ An alpha channel is ignored, with a warning where it is below 1. Sizes are check
 """
 
 import io
+import struct
+import warnings
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
@@ -20,6 +22,7 @@ from raytrace.image.read_png import ALPHA, GREY, GREY_ALPHA, PALETTE, RGB
 SUFFIXES = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".exr": "EXR"}
 SIGNATURES = {b"\x89PNG": ".png", b"\xff\xd8\xff": ".jpg", b"v/1\x01": ".exr"}
 JPEG_BYTES = 24  # peak memory per pixel while reading
+MOST_PIXELS = 1024  # per byte of a JPEG: one bit for each block of 64, and less than that in progressive ones
 MAX_SCANS = 100  # of a progressive JPEG; each one takes the time of a whole image
 MAX_REASON = 200  # characters of a library's message
 IGNORED = "its alpha is below 1 in places, and is ignored"
@@ -186,10 +189,18 @@ def _planes16(pixels: list[memoryview], header: read_png.Header) -> NDArray[np.u
 
 
 def _jpeg(data: bytes, srgb: bool, max_memory: int | None) -> Texels:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about broken EXIF data, which do not matter
+        return _jpeg_of(data, srgb, max_memory)
+
+
+def _jpeg_of(data: bytes, srgb: bool, max_memory: int | None) -> Texels:
     from PIL.JpegImagePlugin import JpegImageFile
 
     image = JpegImageFile(io.BytesIO(data))
     check_size(image.width * image.height, JPEG_BYTES, max_memory)
+    if image.width * image.height > MOST_PIXELS * len(data):  # before memory is taken for them
+        raise ValueError("it is truncated")
     if data.count(b"\xff\xda") > MAX_SCANS:
         raise RefusedError(f"more than {MAX_SCANS} scans; save it again")
     if image.mode not in ("L", "RGB"):
@@ -199,9 +210,25 @@ def _jpeg(data: bytes, srgb: bool, max_memory: int | None) -> Texels:
             read_png.check_profile(image)
         except RefusedError as error:
             raise RefusedError(f"{error}, {ENCODED}") from None
-    turned = image.getexif().get(0x0112, 1) != 1  # Orientation
+    turned = _orientation(image.info.get("exif", b"")) != 1
     codes = np.asarray(image.convert("RGB"))
     return Texels(np.ascontiguousarray(codes), "its orientation (EXIF) is ignored" if turned else "")
+
+
+def _orientation(exif: bytes) -> int:
+    """Tag "orientation" of EXIF data; 1, as it is, where that is missing or broken."""
+    tiff = exif.removeprefix(b"Exif\0\0")
+    order = {b"II": "<", b"MM": ">"}.get(tiff[:2])
+    try:
+        (at,) = struct.unpack_from(f"{order}I", tiff, 4)
+        (count,) = struct.unpack_from(f"{order}H", tiff, at)
+        for entry in range(at + 2, at + 2 + 12 * count, 12):
+            tag, _, _, value = struct.unpack_from(f"{order}HHIH", tiff, entry)
+            if tag == 0x0112:
+                return int(value)
+    except struct.error:
+        return 1
+    return 1
 
 
 def _exr(data: bytes, srgb: bool, max_memory: int | None) -> Texels:
