@@ -1,6 +1,6 @@
 """Limits of the scene format and of ``render``. This module imports nothing."""
 
-LAYERS = "depth", "normal", "albedo", "prim_id", "position", "samples"  # AOVs
+LAYERS = "depth", "normal", "albedo", "prim_id", "position", "samples", "uv"  # AOVs
 
 MAX_SIDE = 65_536  # pixels along a side of the film
 MAX_PIXELS = 2**28  # pixels of a film: 3 GiB of float32 RGB, 16384 x 16384

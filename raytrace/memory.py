@@ -20,6 +20,7 @@ GROUPS = (
 
 READING = {".obj": 3, ".ply": 7, ".stl": 3, ".glb": 6}  # bytes of memory to read one byte of a file
 READING_OTHER = 20  # of any other format, decompressed
+READING_ATTRIBUTES = {"uv": 2, "color": 4}  # more, of any format, where a material needs them
 TEXT = {".obj": (3, 85), ".ply": (3, 57), ".stl": (3, 52)}  # to read one byte of a text file, and one word of it
 CORNERS, VERTEX = 24, 24  # bytes of three indices, and of a point
 JOINED, SMOOTH = 36, 72  # bytes of a triangle in a scene, and of its shading normals
@@ -132,15 +133,21 @@ def size(number: float) -> str:
 # What is needed -----------------------------------------------------------------------------------------------------
 
 
-def of_reading(kind: str, length: int, words: int | None = None) -> float:
-    """Return the bytes of memory to read a mesh file of ``length`` bytes.
+def of_reading(kind: str, length: int, words: int | None = None, attributes: frozenset[str] = frozenset()) -> float:
+    """Return the bytes of memory to read a mesh file of ``length`` bytes; attributes: "uv", "color" or both.
 
     For a text file, ``words`` is its number of words. If that is None (unknown), the result is a lower bound.
     """
+    more = sum(READING_ATTRIBUTES[key] for key in attributes) * length
     if words is None:
-        return READING.get(kind, READING_OTHER) * length
+        return READING.get(kind, READING_OTHER) * length + more
     each, word = TEXT[kind]
-    return each * length + word * words
+    return each * length + word * words + more
+
+
+def of_corners(attributes: frozenset[str]) -> int:
+    """Return the bytes per triangle of uv and colours."""
+    return sum(ATTRIBUTES[key] for key in attributes)
 
 
 class Joining(NamedTuple):
@@ -167,7 +174,7 @@ class Joining(NamedTuple):
 
     def total(self) -> float:
         """Return the largest number of bytes in use at once."""
-        corners = sum(map(ATTRIBUTES.__getitem__, self.attributes))
+        corners = of_corners(self.attributes)
         placed = (CORNERS + corners) * self.triangles + VERTEX * self.vertices
         joined = (JOINED + SMOOTH * self.smooth + corners) * self.triangles + VERTEX * self.vertices
         return float(placed + joined + self.passing)

@@ -3,13 +3,16 @@
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.scene.fingerprint import fingerprint
-from raytrace.texture_records import Textures
+from raytrace.texture_records import FileMaterial, Textures
+
+if TYPE_CHECKING:
+    from raytrace.scene.uv_source import UvSource
 
 DIFFUSE, REFRACTIVE, MIRROR, DIELECTRIC, CONDUCTOR = range(5)  # Materials.kind
 
@@ -75,6 +78,8 @@ class RawMesh(NamedTuple):
     warnings: tuple[str, ...] = ()  # features of the file that are probably not rendered as intended
     uv: NDArray[np.float64] | None = None  # (m, 3, 2) f8: of the corners, NaN: none; None: no corner has any, or unread
     colors: NDArray[np.float64] | None = None  # (m, 3, 3) f8: linear RGB of the corners; NaN and None as for uv
+    parts: NDArray[np.int32] | None = None  # (m,) i4: row of ``materials``; None: they were not asked for
+    materials: tuple[FileMaterial, ...] = ()  # of the file
 
     @property
     def nbytes(self) -> int:
@@ -121,8 +126,21 @@ class Scene:
     objects: tuple[str, ...]  # a short name per object, for messages
     warnings: tuple[str, ...]  # about valid but probably unintended content, one line each
     textures: Textures | None = None  # of the materials that objects have; None: there are none
+    uv_source: "UvSource | None" = None  # reads uv that no material needs; None: there are none but those of the mesh
 
     sha256 = cached_property(fingerprint)  # computed on first use; a scene from ``dataclasses.replace`` has its own
+
+    @cached_property
+    def corner_uv(self) -> NDArray[np.float64] | None:
+        """Texture coordinates of the corners of all triangles, (m, 3, 2); those that no material needs are read now.
+
+        NaN for objects that have none; None if none has.
+        """
+        uv = self.mesh.uv
+        if self.uv_source is None or (uv is not None and not np.isnan(uv).any()):
+            return uv
+        read = self.uv_source.read(self.mesh)
+        return read if uv is None or read is None else np.where(np.isnan(uv), read, uv)
 
     @property
     def refractive(self) -> bool:

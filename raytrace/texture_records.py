@@ -32,3 +32,25 @@ class Textures(NamedTuple):
     table: tuple[Texture, ...]
     reflectance: NDArray[np.int32]  # (k,) i4: the texture of the albedo or reflectance of each material; -1: none
     emission: NDArray[np.int32]  # (k,) i4: that of its emission; -1: none
+
+
+class FileImage(NamedTuple):
+    """An image inside a mesh file."""
+
+    name: str  # for messages
+    data: bytes  # a whole PNG or JPEG file
+
+
+class FileMaterial(NamedTuple):
+    """A material of a mesh file, as far as it is read."""
+
+    name: str
+    base_color: tuple[float, ...]  # linear RGB, 0 to 1: times the image, or the vertex colours, where there are any
+    image: FileImage | None  # sRGB; needs uv
+    colors: bool  # whether the mesh has vertex colours, which are multiplied by the base colour already
+    metallic: float  # 0 to 1
+    roughness: float  # 0 to 1
+    metal_image: FileImage | None  # linear: roughness (green) and metallic (blue) are multiplied by it
+    two_sided: bool = False
+    nearest: bool = False  # whether the image is not interpolated
+    left_out: tuple[str, ...] = ()  # what the file has, and is not read

@@ -1,6 +1,9 @@
 """uv and vertex colours of mesh files, of meshes that programs give, and of the joined mesh of a scene."""
 
+import re
 import struct
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -205,6 +208,13 @@ def test_uv_of_the_faces_of_a_ply(order):
         read_ply(ply(order, [], [], np.empty((5, 0)), wedges), UV)
 
 
+def test_uv_of_faces_beside_edges_that_are_left_out():
+    head = b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    head += b"element face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
+    mesh = read_ply(head + b"0 0 0\n1 0 0\n0 1 0\n2 0 1 4 9 9 9 9\n3 0 1 2 6 1 2 3 4 5 6\n", UV)
+    assert mesh.uv.tolist() == [[[1, 2], [3, 4], [5, 6]]]
+
+
 def test_strips_of_a_ply_have_uv():
     head = b"ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
     head += (
@@ -312,7 +322,7 @@ def test_glb_attributes_of_another_length_or_type_are_refused():
 
 def test_a_trimesh_with_uv_or_colours():
     box = trimesh.creation.box()
-    assert read_given(box, BOTH)[5:] == ((), None, None)
+    assert read_given(box, BOTH)[5:8] == ((), None, None)
     box.visual = trimesh.visual.TextureVisuals(uv=uv_at(box.vertices))
     np.testing.assert_array_equal(read_given(box, BOTH).uv, uv_at(box.vertices[box.faces]))
     assert read_given(box).uv is None
@@ -405,6 +415,17 @@ def test_a_scene_whose_materials_need_none_has_none_and_the_same_hash(tmp_path, 
     assert fingerprint(again) == fingerprint(made)
 
 
+def test_a_scene_that_needs_none_imports_nothing_for_them(tmp_path):
+    write(tmp_path, scene(objects=[{"mesh": name, "material": "white"} for name in ("triangle.obj", "a.ply", "a.glb")]))
+    (tmp_path / "a.ply").write_bytes(ply("ascii", ["s", "t"], ["f4", "f4"], uv_at(PYRAMID)))
+    (tmp_path / "a.glb").write_bytes(square_with(TEXCOORD_0=(np.zeros((4, 2), "<f4"), {})).glb())
+    lazy = ["ply_corners", "glb_corners", "glb_materials", "visual", "file_materials", "shape_uv", "textures", "texels"]
+    program = "import sys, raytrace as rt; rt.load(sys.argv[1]); print(*(n.rpartition('.')[2] for n in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", program, str(tmp_path / "scene.json")], capture_output=True, text=True)
+    assert "assemble" in done.stdout.split(), done.stderr
+    assert not {*lazy} & {*done.stdout.split()}
+
+
 def test_the_joined_mesh_has_rows_for_all_objects(tmp_path, needs):
     made = loaded(
         tmp_path,
@@ -426,9 +447,17 @@ def test_the_joined_mesh_has_rows_for_all_objects(tmp_path, needs):
 def test_a_mesh_that_two_materials_share_is_read_once_with_what_both_need(tmp_path, needs, monkeypatch):
     read = []
     monkeypatch.setattr(assemble, "read_mesh", lambda *args: read.append(args) or read_mesh(*args))
-    made = loaded(tmp_path, {"mesh": "quad.obj", "material": "white"}, {"mesh": "quad.obj", "material": "floor"})
+    colours = re.sub(r"(?m)^(v .*)$", r"\1 0.5 0.25 1", QUAD)
+    monkeypatch.setattr(sys.modules[__name__], "QUAD", colours)
+    made = loaded(
+        tmp_path,
+        {"mesh": "quad.obj", "material": "white"},
+        {"mesh": "quad.obj", "material": "baked"},
+        {"mesh": "quad.obj", "material": "floor"},
+    )
     assert len(read) == 1
-    assert np.isfinite(made.mesh.uv[2:]).all()
+    assert np.isfinite(made.mesh.uv[4:]).all()
+    assert np.isfinite(made.mesh.colors[2:4]).all()
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import json
 import sys
 from pathlib import Path
 
+import attributes
 import cases
 import lies
 import pytest
@@ -63,7 +64,14 @@ def test_the_right_files_end_in_right_pictures(mill):
     assert not any(found)
 
 
-@pytest.mark.parametrize("make", [cases.mesh, cases.scene_bytes, cases.picture, cases.texture])
+def test_right_meshes_with_attributes_are_loaded(mill):
+    before = mill.counts[DONE]
+    for name, data in attributes.MESHES.items():
+        assert mill.grind(attributes.case(name, data, name)) == ""
+    assert mill.counts[DONE] - before == len(attributes.MESHES)
+
+
+@pytest.mark.parametrize("make", [cases.mesh, attributes.attributes, cases.scene_bytes, cases.picture, cases.texture])
 def test_files_mutated_by_bytes(mill, make):
     assert [fault for k in range(150) if (fault := mill.grind(make(1000, k)))] == []
 

@@ -31,6 +31,7 @@ TITLES = {
     "Refractive": "A material of type `refractive`",
     "Texture": "A texture",
     "Object": "An entry of `objects`",
+    "FromFile": "`material` of an object, from its file",
     "Rotation": "`rotate` of an object",
     "Sphere": "`sphere` of an object",
     "Rectangle": "`rectangle` of an object",

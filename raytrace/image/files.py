@@ -41,6 +41,7 @@ CHANNELS: dict[str, tuple[str, ...]] = {  # channels of an EXR, as <layer>.<chan
     "prim_id": ("prim_id.id",),
     "position": ("position.X", "position.Y", "position.Z"),
     "samples": ("samples.n",),
+    "uv": ("uv.U", "uv.V"),
 }
 WHOLE = ("prim_id", "samples")  # int32; the others are float32
 Contents = tuple[dict[str, NDArray[Any]], dict[str, Any]]  # arrays by name, provenance
@@ -122,7 +123,7 @@ def save(
     stderr : (h, w) array of float, optional
         Standard error of the pixel's luminance.
     aov : mapping of str to array
-        ``depth prim_id samples`` (h, w), ``normal albedo position`` (h, w, 3).
+        ``depth prim_id samples`` (h, w), ``uv`` (h, w, 2), ``normal albedo position`` (h, w, 3).
     provenance : mapping of str to str, int or float
         How the image was made.
     exposure : float
@@ -193,7 +194,8 @@ def checked(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
     size = np.shape(arrays["rgb"])[:2]
     checked = {name: _converted(name, array) for name, array in arrays.items()}
     for name, array in checked.items():
-        shape = (*size, 3) if len(CHANNELS[name]) == 3 else size
+        count = len(CHANNELS[name])
+        shape = (*size, count) if count > 1 else size
         if array.shape != shape or len(size) < 2 or array.size == 0:
             expected = "(height, width, 3)" if name == "rgb" else f"{shape}, as rgb has it"
             raise ValueError(f"{name}: expected shape {expected}, got {array.shape}")

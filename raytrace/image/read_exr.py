@@ -103,7 +103,7 @@ def _layers(planes: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
                 raise RefusedError(f"{name}: expected channels of type {expected}")
             stack = np.stack([planes[channel] for channel in channels], axis=2)
             bits = stack.view(np.int32) if name in WHOLE else stack
-            arrays[name] = bits if len(channels) == 3 else bits[:, :, 0]
+            arrays[name] = bits if len(channels) > 1 else bits[:, :, 0]
     return arrays
 
 

@@ -23,13 +23,15 @@ ROWS = 64  # of pixels: the layers are computed in bands of so many
 class Layers(Mapping[str, NDArray[Any]]):
     """AOVs by name; all are computed when the first one is needed, along the rays through the pixels' centres.
 
+    "uv" is computed by itself, because files may have to be read for it.
+
     Attributes
     ----------
     computed : dict of str to array
         The layers used so far; files contain these.
     """
 
-    def __init__(self, samples: NDArray[np.int32], trace: Callable[[], dict[str, NDArray[Any]]]) -> None:
+    def __init__(self, samples: NDArray[np.int32], trace: Callable[[str], dict[str, NDArray[Any]]]) -> None:
         self._known: dict[str, NDArray[Any]] = {"samples": samples}
         self._trace = trace
         self.computed: dict[str, NDArray[Any]] = {}
@@ -38,7 +40,7 @@ class Layers(Mapping[str, NDArray[Any]]):
         if name not in LAYERS:
             raise KeyError(f"{name!r}: expected one of {', '.join(LAYERS)}")
         if name not in self._known:
-            self._known |= self._trace()
+            self._known |= self._trace(name)
         self.computed[name] = self._known[name]
         return self._known[name]
 
@@ -65,7 +67,7 @@ class Render:
         the true value is within 3.18 standard errors in 95 % of cases (Student's t, 3 degrees of freedom). NaN with
         fewer than two samples.
     aov : Mapping
-        Layers "depth", "normal", "albedo", "prim_id", "position", "samples", computed on first use.
+        Layers "depth", "normal", "albedo", "prim_id", "position", "samples", "uv", computed on first use.
     stats : dict
         Rays by kind (including those that only fill a tile's last packet), seconds by pass (summed over threads),
         compile seconds, samples, "estimated_error" (RMSE in sRGB clipped to 0..1), "estimated_error_linear" (RMSE of
@@ -163,16 +165,26 @@ def state_of(image: Render) -> str:
     return f"{why} at {_taken(image)} samples per pixel{average}"
 
 
-def trace_layers(scene: Scene, bvh: BVH, size: tuple[int, int], window: Window) -> dict[str, NDArray[Any]]:
-    """Compute the layers of a window of the film."""
+def trace_layers(
+    scene: Scene, bvh: BVH, size: tuple[int, int], window: Window, name: str = ""
+) -> dict[str, NDArray[Any]]:
+    """Compute the layers of a window of the film: "uv" alone, or all others."""
+    make = _uv_of if name == "uv" else _layers_of
     view = make_view(scene.camera, size, np.dtype(np.float64))
     bands = []
     for top in range(window.y, window.y + window.height, ROWS):
         y, x = np.mgrid[top : min(top + ROWS, window.y + window.height), window.x : window.x + window.width] + 0.5
         d = pinhole_directions(view, x.ravel(), y.ravel())
-        bands.append(_layers_of(scene, bvh, bvh.closest_hit(scene.camera.position, d)))
+        bands.append(make(scene, bvh, bvh.closest_hit(scene.camera.position, d)))
     layers = {name: np.concatenate([band[name] for band in bands]) for name in bands[0]}
     return {name: layer.reshape(window.height, window.width, *layer.shape[1:]) for name, layer in layers.items()}
+
+
+def _uv_of(scene: Scene, _bvh: BVH, hits: Hits) -> dict[str, NDArray[Any]]:
+    """Texture coordinates at hits; NaN for misses, and for meshes without uv."""
+    from raytrace.rendering.uv_layer import uv_of
+
+    return {"uv": uv_of(scene, hits)}
 
 
 def _layers_of(scene: Scene, bvh: BVH, hits: Hits) -> dict[str, NDArray[Any]]:

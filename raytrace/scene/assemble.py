@@ -6,13 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raytrace.errors import FileError, FileMemoryError, SceneError
 from raytrace.limits import MAX_TRIANGLES
 from raytrace.memory import Allowance, Joining
 from raytrace.records import Camera, RawMesh, Scene, Settings
 from raytrace.scene import checks
-from raytrace.scene.attributes import NOTHING, UV, check_attributes, needed, wanted_of
+from raytrace.scene.attributes import COLOR, FROM_FILE, MATERIAL, NOTHING, UV, check_attributes, needed, wanted_of
 from raytrace.scene.files import Reach
 from raytrace.scene.joining import MeshWarning, join
 from raytrace.scene.meshes.given import MARK, read_given
@@ -23,6 +24,7 @@ from raytrace.scene.shapes import make_shape, shape_of, shape_size, sphere_frequ
 from raytrace.scene.tables import lights_of, materials_of
 from raytrace.scene.text import Text
 from raytrace.scene.transforms import PlacedMesh, place
+from raytrace.scene.uv_source import UvSource
 
 
 def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, origins: Origins, reach: Reach) -> Scene:
@@ -47,17 +49,18 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
         What is wrong with meshes.
     """
     needs = needed(data)
-    shapes = _Shapes(scene, reach, text.meshes, needs)
+    shapes = ShapeReader(scene, reach, text.meshes, needs)
     shapes.place_all()
-    read = _read_textures(scene, reach) if needs else None
-    if problems := shapes.problems + (read.problems if read else []):
+    own = shapes.file_materials
+    read = _read_textures(scene, reach, own) if needs or (own and own.textured) else None
+    if problems := shapes.problems + _at_objects(read, own):
         raise text.error(problems, origins)
     mesh, mesh_warnings = join(shapes.placed)
     materials, textures, warnings = materials_of(scene), None, checks.warn(data)
     if read is not None:
         read = read.finished(scene.materials, materials, mesh)
         if read.problems:
-            raise text.error(read.problems, origins)
+            raise text.error(_at_objects(read, own), origins)
         materials, textures, warnings = read.means, read.textures, warnings + read.warnings
     names = _names(scene)
     for i, what in shapes.warnings + mesh_warnings:
@@ -77,6 +80,7 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
         objects=names,
         warnings=(),
         textures=textures,
+        uv_source=UvSource(scene.objects, reach, text.meshes),
     )
     if made.refractive:
         from raytrace.scene.coincident import MOST_PAIRS, chosen_coincidences
@@ -98,14 +102,23 @@ def _settings(film: Any, render: Any) -> Settings:
     )
 
 
-def _read_textures(scene: Any, reach: Reach) -> Any:
-    """Read the textures of a scene that has some."""
+def _read_textures(scene: Any, reach: Reach, own: Any) -> Any:
+    """Read the textures of a scene that has some; own: the materials of its mesh files."""
     from raytrace.scene.textures import read_textures
 
-    return read_textures(scene.materials, (entry.material for entry in scene.objects), reach)
+    used = {entry.material for entry in scene.objects}
+    if own is None:
+        return read_textures(scene.materials, used, reach)
+    return read_textures(scene.materials, used | set(own.used()), reach, own.images)
 
 
-class _Shapes:
+def _at_objects(read: Any, own: Any) -> list[Problem]:
+    """Return the problems of textures; those of materials of mesh files at the objects that have them."""
+    problems: list[Problem] = read.problems if read else []
+    return [own.at_object(problem) for problem in problems] if own else problems
+
+
+class ShapeReader:
     """The shapes of a scene: each read or made once, and placed where its objects state.
 
     Parameters
@@ -116,15 +129,20 @@ class _Shapes:
         Name -> mesh that a program gives in memory.
     needs : dict of str
         Name of a material -> attributes that it needs.
+    strict : bool
+        Whether it is an error if a mesh lacks one of them.
     """
 
-    def __init__(self, scene: Any, reach: Reach, given: Mapping[str, Any], needs: dict[str, set[str]]) -> None:
+    def __init__(
+        self, scene: Any, reach: Reach, given: Mapping[str, Any], needs: dict[str, set[str]], *, strict: bool = True
+    ) -> None:
         self.placed: list[PlacedMesh] = []
         self.problems: list[Problem] = []
         self.warnings: list[MeshWarning] = []
         self._scene, self._reach, self._given = scene, reach, given
-        self._needs, self._wanted = needs, wanted_of(scene.objects, needs)
+        self._needs, self._wanted, self._strict = needs, wanted_of(scene.objects, needs), strict
         self._made: dict[Any, RawMesh | None] = {}
+        self.file_materials: Any = None  # SceneFileMaterials, if any object has them
         self._allowance, self._joining = Allowance(reach.max_memory), Joining()
 
     def place_all(self) -> None:
@@ -136,9 +154,12 @@ class _Shapes:
             try:
                 raw = self._mesh(i, entry) if entry.mesh is not None else self._shape(entry)
                 if raw is not None:
-                    if needs := self._needs.get(entry.material):
+                    if self._strict and (needs := self._needs.get(entry.material)):
                         check_attributes(raw, needs, _name(entry), entry.material)
-                    self.placed.append(place(raw, entry, rows[entry.material]))
+                    material = rows.get(entry.material)
+                    self.placed.append(
+                        place(raw, entry, self._of_file(i, entry, raw) if material is None else material)
+                    )
             except _TooLargeError as error:  # more objects would not make it smaller
                 self.problems.append(shape_problem(i, shape_of(entry), error))
                 return
@@ -151,21 +172,38 @@ class _Shapes:
         """Read the mesh of an object; None if it was read before, and is broken."""
         name = entry.mesh
         wanted = self._wanted.get(name, NOTHING)
-        if name not in self._made:
-            self._made[name] = None  # a broken file is reported once
+        key = name
+        if entry.material == FROM_FILE:
+            key, wanted = (name, FROM_FILE), frozenset({MATERIAL})
+        if key not in self._made:
+            self._made[key] = None  # a broken file is reported once
             if name in self._given:
-                self._made[name] = read_given(self._given[name], wanted)
+                self._made[key] = read_given(self._given[name], wanted)
             else:
                 mesh = read_mesh(self._reach.find(name), self._allowance, self._reach.around(name), wanted)
-                self._made[name] = mesh
+                self._made[key] = mesh
                 self._allowance.left -= mesh.nbytes
                 self.warnings += [MeshWarning(i, text) for text in mesh.warnings]
-        raw = self._made[name]
+        raw = self._made[key]
         if raw is not None:
             smoothness = 0 if entry.normals == "flat" else 1 if raw.normals is not None else 2
-            self._joining = self._joining.with_object(len(raw.faces), len(raw.vertices), smoothness, wanted)
+            has = {UV: raw.uv is not None, COLOR: raw.colors is not None}
+            attributes = frozenset(each for each in has if has[each])
+            self._joining = self._joining.with_object(len(raw.faces), len(raw.vertices), smoothness, attributes)
             _afford(self._joining, self._allowance)
         return raw
+
+    def _of_file(self, i: int, entry: Any, raw: RawMesh) -> NDArray[np.int32]:
+        """Return the material of each triangle of a mesh that has those of its file."""
+        from raytrace.scene.file_materials import SceneFileMaterials
+
+        if self.file_materials is None:
+            self.file_materials = SceneFileMaterials(self._scene.materials, self._reach.max_memory)
+        rows: NDArray[np.int32] = self.file_materials.rows(i, entry.mesh, raw)
+        if left_out := self.file_materials.left_out.pop(entry.mesh, ()):
+            text = f"of the materials of the file, these are left out: {', '.join(left_out)}"
+            self.warnings.append(MeshWarning(i, text))
+        return rows
 
     def _shape(self, entry: Any) -> RawMesh:
         """Make the sphere, rectangle or box of an object, unless one like it was made before."""

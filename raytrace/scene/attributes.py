@@ -8,8 +8,9 @@ if TYPE_CHECKING:
     from raytrace.records import RawMesh
 
 TEXTURED = "albedo", "reflectance", "emission"  # keys of materials that may be a texture
-UV, COLOR = "uv", "color"
-Wanted = frozenset[str]  # {UV, COLOR} or a part of it: the attributes that are read from a mesh
+UV, COLOR, MATERIAL = "uv", "color", "material"
+FROM_FILE = "\0file"  # stands for the materials of the file, in the ``material`` of an object
+Wanted = frozenset[str]  # {UV, COLOR} or a part of it, or {MATERIAL}: what is read from a mesh beside its triangles
 NOTHING = Wanted()
 WORDS = {  # attribute -> its name, and what to do where it is missing
     UV: ("texture coordinates (uv)", "export the mesh with them, or use a material without image and checkerboard"),
@@ -66,7 +67,7 @@ def wanted_of(objects: list[Any], needs: dict[str, set[str]]) -> dict[str, Wante
     """
     wanted = dict[str, Wanted]()
     for entry in objects:
-        if entry.mesh is not None and entry.material in needs:
+        if entry.mesh is not None and entry.material in needs and entry.material != FROM_FILE:
             wanted[entry.mesh] = wanted.get(entry.mesh, NOTHING) | needs[entry.material]
     return wanted
 

@@ -12,6 +12,7 @@ from raytrace.limits import MAX_MESH
 from raytrace.scene.problems import no_such_file
 
 FORMATS = ".obj", ".ply", ".stl", ".glb", ".gltf"  # read by our own readers
+FORMATS_WITH_MATERIALS = ".glb", ".gltf"
 OTHERS = ".off", ".3mf", ".dae", ".zae", ".xaml", ".3dxml", ".ctm", ".stp", ".step"  # read by trimesh
 IMAGES = ".png", ".jpg", ".jpeg", ".exr"  # of textures
 URI = re.compile(r"(?i)(file|data):|[a-z][a-z0-9+.-]+:/")  # a scheme of one letter is a drive   [RFC3986, 3.1]

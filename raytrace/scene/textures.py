@@ -1,15 +1,15 @@
 """Textures of the materials of a scene: reads their images, and checks their values."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.errors import FileError, SceneError
-from raytrace.image.texels import read_texels, srgb_table
+from raytrace.image.texels import decode_texels, read_texels, srgb_table, suffix_of_content
 from raytrace.limits import MAX_TEXELS
 from raytrace.records import Materials, Mesh
 from raytrace.scene.attributes import TEXTURED
@@ -19,6 +19,7 @@ from raytrace.texture_records import ATTRIBUTE, BILINEAR, CHECKERBOARD, NEAREST,
 
 EMISSION = "emission"  # the key of the texture that is not a reflectance
 NOTHING = np.zeros(3)
+NO_IMAGES: Mapping[str, Any] = MappingProxyType({})
 
 
 class Found(NamedTuple):
@@ -59,7 +60,9 @@ def places_of(materials: dict[str, Any]) -> Iterator[Place]:
                 yield Place(row, ("materials", name, key), value)
 
 
-def read_textures(materials: dict[str, Any], used: Iterable[str], reach: Reach) -> Found:
+def read_textures(
+    materials: dict[str, Any], used: Iterable[str], reach: Reach, given: Mapping[str, Any] = NO_IMAGES
+) -> Found:
     """Read the textures of a scene.
 
     Parameters
@@ -70,8 +73,10 @@ def read_textures(materials: dict[str, Any], used: Iterable[str], reach: Reach) 
         Materials that objects have; of the others, images must exist, and are not read.
     reach : Reach
         The folders that may be read, and the memory that may be used.
+    given : mapping of str to GivenImage, optional
+        Images that are not files of their own, by the names that textures have for them.
     """
-    reader, used = _Reader(reach), set(used)
+    reader, used = _Reader(reach, given), set(used)
     rows = {key: np.full(len(materials), -1, np.int32) for key in (False, True)}
     for place in places_of(materials):
         if place.path[1] not in used:
@@ -86,7 +91,8 @@ def read_textures(materials: dict[str, Any], used: Iterable[str], reach: Reach) 
 class _Reader:
     """Reads textures, each image once."""
 
-    def __init__(self, reach: Reach) -> None:
+    def __init__(self, reach: Reach, given: Mapping[str, Any]) -> None:
+        self._given = given
         self.made: list[Texture] = []
         self.problems: list[Problem] = []
         self.warnings: list[Problem] = []
@@ -110,6 +116,8 @@ class _Reader:
         except (SceneError, FileError, ValueError) as error:
             self.problems.append(file_problem(path, error))
             return None
+        if given.image in self._given:
+            return tinted_texture(codes, self._given[given.image].factor, given.filter == "nearest", given.scale)
         return image_texture(codes, srgb, given.filter == "nearest", given.scale)
 
     def locate(self, place: Place) -> None:
@@ -124,9 +132,13 @@ class _Reader:
         """Codes of an image file; None if it was read before, and is broken."""
         if (name, srgb) not in self._images:
             self._images[name, srgb] = None
-            file = self._reach.find(name)
-            locate_image(file)
-            texels = read_texels(file, srgb, self._reach.max_memory)
+            if name in self._given:
+                data = self._given[name].image.data
+                texels = decode_texels(data, suffix_of_content(data), srgb, name, self._reach.max_memory)
+            else:
+                file = self._reach.find(name)
+                locate_image(file)
+                texels = read_texels(file, srgb, self._reach.max_memory)
             self._texels += texels.codes.size // 3
             if self._texels > MAX_TEXELS:
                 raise SceneError([f"with this image the textures have {self._texels:,} texels; at most {MAX_TEXELS:,}"])
@@ -154,6 +166,17 @@ def image_texture(codes: NDArray[Any], srgb: bool, nearest: bool, scale: tuple[f
     first = table[codes[0, 0]]  # the mean of equal values is this very value
     mean = first + [(count * (table - start)).sum() / count.sum() for start, count in zip(first, counts, strict=True)]
     return Texture(kind, codes, table, scale, mean)
+
+
+def tinted_texture(
+    codes: NDArray[Any], factor: tuple[float, ...], nearest: bool, scale: tuple[float, float]
+) -> Texture:
+    """Return the texture of an image of sRGB codes whose linear colours are multiplied by a factor."""
+    if factor == (1.0, 1.0, 1.0):
+        return image_texture(codes, True, nearest, scale)
+    table = srgb_table(8 * codes.itemsize)[:, None] * factor
+    linear = np.stack([table[:, k].astype(np.float32)[codes[..., k]] for k in range(3)], axis=-1)
+    return image_texture(linear, False, nearest, scale)
 
 
 def check_values(colours: NDArray[Any], emits: bool, name: str, noun: str) -> None:

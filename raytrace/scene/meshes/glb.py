@@ -15,15 +15,16 @@ from numpy.typing import NDArray
 
 from raytrace.limits import MAX_TRIANGLES
 from raytrace.records import RawMesh
-from raytrace.scene.attributes import NOTHING, Wanted
+from raytrace.scene.attributes import MATERIAL, NOTHING, Wanted
 from raytrace.scene.meshes.errors import TooLargeError, TooManyTrianglesError, UnsupportedError
 from raytrace.scene.meshes.glb_accessors import BYTE, FLOAT, INDEX, SHORT, UBYTE, USHORT, Accessors
-from raytrace.scene.meshes.glb_corners import with_attributes
 from raytrace.scene.meshes.glb_deform import Skins, distinct, morph
 from raytrace.scene.meshes.glb_extensions import DRACO, check_extensions
 from raytrace.scene.meshes.glb_json import Record, extension, record_in
 from raytrace.scene.meshes.glb_nodes import MAX_PARTS, Part, parts
 from raytrace.scene.meshes.raw_mesh import transform
+
+Rows = NDArray[np.int64] | None
 
 MAGIC, JSON, BIN = b"glTF", b"JSON", b"BIN\0"
 MAX_JSON = 2**24  # bytes of the JSON chunk: it takes 30 times as much memory
@@ -41,8 +42,8 @@ def read_glb(data: bytes, most: float = MAX_TRIANGLES, wanted: Wanted = NOTHING)
         The file's content.
     most : float
         The most triangles allowed: nodes may place a mesh any number of times.
-    wanted : set of {"uv", "color"}
-        Attributes that are read too, where the file has them.
+    wanted : set of {"uv", "color"}, or {"material"}
+        Attributes that are read too, where the file has them; or its materials, and what these need.
 
     Returns
     -------
@@ -64,7 +65,7 @@ def read_glb(data: bytes, most: float = MAX_TRIANGLES, wanted: Wanted = NOTHING)
     return _read(document, Accessors(document, chunk), most, wanted)
 
 
-def read_gltf(data: bytes, most: float, wanted: Wanted, other: Callable[[str], bytes]) -> list[RawMesh]:
+def read_gltf(data: bytes, most: float, other: Callable[[str], bytes], wanted: Wanted = NOTHING) -> list[RawMesh]:
     """Read a text glTF file as ``read_glb`` does; ``other`` reads the files that the URIs of its buffers name."""
     document = _document(data)
     return _read(document, Accessors(document, memoryview(b""), other), most, wanted)
@@ -110,10 +111,25 @@ def _read(document: Record, accessors: Accessors, most: float, wanted: Wanted) -
     if load > most:
         raise TooManyTrianglesError(sum(triangles for triangles, _ in counts), load)
     skins = Skins(document, accessors, notes)
-    meshes = [_mesh(part, accessors, skins, notes, wanted) for part in drawn]
+    more = _more(document, accessors, wanted)
+    meshes = [more(_mesh(part, accessors, skins, notes), part.primitive) for part in drawn]
     if meshes and notes:
         meshes[0] = meshes[0]._replace(warnings=tuple(notes))
     return meshes
+
+
+def _more(document: Record, accessors: Accessors, wanted: Wanted) -> Callable[[tuple[RawMesh, Rows], Record], RawMesh]:
+    """Return what adds the wanted attributes to the mesh of a primitive."""
+    if MATERIAL in wanted:
+        from raytrace.scene.meshes.glb_materials import FileMaterials
+
+        materials = FileMaterials(document, accessors)
+        return lambda made, primitive: materials.apply(made[0], primitive, made[1])
+    if wanted:
+        from raytrace.scene.meshes.glb_corners import with_attributes
+
+        return lambda made, primitive: with_attributes(made[0], primitive, accessors, made[1], wanted)
+    return lambda made, _: made[0]
 
 
 def _size(primitive: Record, accessors: Accessors) -> tuple[int, int]:
@@ -129,8 +145,8 @@ def _size(primitive: Record, accessors: Accessors) -> tuple[int, int]:
     return triangles, min(vertices, 3 * triangles + SPARE)
 
 
-def _mesh(part: Part, accessors: Accessors, skins: Skins, notes: dict[str, None], wanted: Wanted) -> RawMesh:
-    """Return the triangles of a part, posed and transformed."""
+def _mesh(part: Part, accessors: Accessors, skins: Skins, notes: dict[str, None]) -> tuple[RawMesh, Rows]:
+    """Return the triangles of a part, posed and transformed, and its vertices, if they are not all of the primitive."""
     primitive, attributes = part.primitive, record_in(part.primitive, "attributes")
     _refuse_draco(primitive, attributes, accessors)
     count = accessors.count(attributes["POSITION"])
@@ -159,7 +175,7 @@ def _mesh(part: Part, accessors: Accessors, skins: Skins, notes: dict[str, None]
         if part.skin is not None:
             notes["a mesh with a skin has no joints and weights; the transform of its node is used"] = None
         mesh = transform(mesh, part.matrix[:3, :3], part.matrix[:3, 3])
-    return with_attributes(mesh, primitive, accessors, rows, wanted) if wanted else mesh
+    return mesh, rows
 
 
 def _refuse_draco(primitive: Record, attributes: Record, accessors: Accessors) -> None:

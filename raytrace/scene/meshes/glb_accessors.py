@@ -41,7 +41,7 @@ class Accessors:
     def __init__(self, document: Record, chunk: memoryview, other: Callable[[str], bytes] = _in_the_file) -> None:
         self._document, self._chunk, self._other = document, chunk, other
         self._read: dict[int, memoryview] = {}
-        self._work = 0
+        self._work = self._pictured = 0  # numbers, and bytes of images, that were read
 
     def count(self, index: Any) -> int:
         """Return the number of rows that an accessor states."""
@@ -151,11 +151,27 @@ class Accessors:
         if uri is None:
             return self._chunk if index == 0 else memoryview(b"")
         if index not in self._read:
-            if str(uri)[:5].lower() != "data:":
-                self._read[index] = memoryview(self._other(str(uri)))
-                return self._read[index]
-            try:
-                self._read[index] = memoryview(base64.b64decode(str(uri).partition(";base64,")[2], validate=True))
-            except (binascii.Error, ValueError):
-                raise ValueError(f"buffers[{index}]: its data is not base64") from None
+            self._read[index] = memoryview(self._content(str(uri), f"buffers[{index}]"))
         return self._read[index]
+
+    def _content(self, uri: str, name: str) -> bytes:
+        """Return the data of a URI: its own, or that of another file."""
+        if uri[:5].lower() != "data:":
+            return self._other(uri)
+        try:
+            return base64.b64decode(uri.partition(";base64,")[2], validate=True)
+        except (binascii.Error, ValueError):
+            raise ValueError(f"{name}: its data is not base64") from None
+
+    def image(self, record: Record) -> bytes:
+        """Return the content of an entry of ``images``: a whole image file."""
+        if "bufferView" in record:
+            data = self._bytes(item(self._document, "bufferViews", record["bufferView"]))
+            self._pictured += len(data)
+            if self._pictured > len(self._chunk) + sum(map(len, self._read.values())):
+                raise TooLargeError("its images overlap: together they are larger than the file")
+            return bytes(data)
+        uri = str(record.get("uri", "data:;base64,"))
+        if self._other is _in_the_file and uri[:5].lower() != "data:":
+            raise UnsupportedError(f"an image in another file, {uri[:200]}; export one file, or use .gltf")
+        return self._content(uri, "images")

@@ -1,5 +1,7 @@
 """Texture coordinates and colours of a part of a glTF file, for the corners of its triangles   [glTF, 3.7.2.1]."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,17 +34,39 @@ def with_attributes(
     In a glTF file v = 0 is the top row of an image; here it is the bottom row, so 1 - v is stored.
     Colours are linear in both; their alpha is left out.
     """
-    attributes = record_in(primitive, "attributes")
-    for name in ("TEXCOORD_0",) * (UV in wanted) + ("COLOR_0",) * (COLOR in wanted):
-        if name in attributes and accessors.count(attributes[name]) != accessors.count(attributes["POSITION"]):
-            counts = [accessors.count(attributes[key]) for key in ("POSITION", name)]
-            raise ValueError(f"{counts[0]} vertices have {counts[1]} rows of {name}")
-    if UV in wanted and "TEXCOORD_0" in attributes:
-        uv = accessors.floats(attributes["TEXCOORD_0"], "VEC2", UV_KINDS, rows)
-        uv[:, 1] = 1 - uv[:, 1]
-        mesh = mesh._replace(uv=uv[mesh.faces])
-    if COLOR in wanted and "COLOR_0" in attributes:
-        index = attributes["COLOR_0"]
-        shape = "VEC4" if accessors.shape(index) == "VEC4" else "VEC3"
-        mesh = mesh._replace(colors=accessors.floats(index, shape, COLOR_KINDS, rows)[:, :3][mesh.faces])
+    if UV in wanted and (uv := uv_of(mesh, primitive, accessors, rows, "TEXCOORD_0")) is not None:
+        uv[:, :, 1] = 1 - uv[:, :, 1]
+        mesh = mesh._replace(uv=uv)
+    if COLOR in wanted:
+        mesh = mesh._replace(colors=colors_of(mesh, primitive, accessors, rows))
     return mesh
+
+
+def uv_of(
+    mesh: RawMesh, primitive: Record, accessors: Accessors, rows: NDArray[np.int64] | None, name: str
+) -> NDArray[np.float64] | None:
+    """Return the uv (m, 3, 2) of an attribute, v downwards as in the file; None if the part has none."""
+    index = _attribute(primitive, accessors, name)
+    return None if index is None else accessors.floats(index, "VEC2", UV_KINDS, rows)[mesh.faces]
+
+
+def colors_of(
+    mesh: RawMesh, primitive: Record, accessors: Accessors, rows: NDArray[np.int64] | None
+) -> NDArray[np.float64] | None:
+    """Return the colours (m, 3, 3); None if the part has none."""
+    index = _attribute(primitive, accessors, "COLOR_0")
+    if index is None:
+        return None
+    shape = "VEC4" if accessors.shape(index) == "VEC4" else "VEC3"
+    return accessors.floats(index, shape, COLOR_KINDS, rows)[:, :3][mesh.faces]
+
+
+def _attribute(primitive: Record, accessors: Accessors, name: str) -> Any:
+    """Return the accessor of an attribute that has a row for each vertex; None if the part has none."""
+    attributes = record_in(primitive, "attributes")
+    if name not in attributes:
+        return None
+    counts = [accessors.count(attributes[key]) for key in ("POSITION", name)]
+    if counts[0] != counts[1]:
+        raise ValueError(f"{counts[0]} vertices have {counts[1]} rows of {name}")
+    return attributes[name]

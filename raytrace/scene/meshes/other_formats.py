@@ -59,7 +59,7 @@ def other_reader(path: Path, reach: Reach | None, allowance: Allowance) -> Reade
     kind, where = format_of(path), reach or Reach(path.parent)
     if kind == ".gltf":
         return lambda data, most, wanted: read_gltf(
-            data, most, wanted, lambda uri: _buffer(path, uri, where, allowance)
+            data, most, lambda uri: _buffer(path, uri, where, allowance), wanted
         )
     return lambda data, most, wanted: _by_trimesh(path, data, most, allowance, wanted)
 

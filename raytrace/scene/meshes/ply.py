@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from raytrace.records import RawMesh
 from raytrace.scene.attributes import NOTHING, Wanted
 from raytrace.scene.meshes.ply_binary import Bytes
-from raytrace.scene.meshes.ply_corners import with_attributes
 from raytrace.scene.meshes.ply_text import NEEDED, Column, Element, Property, Text, words_by_lines
 from raytrace.scene.meshes.polygons import PolygonError, triangulate
 from raytrace.scene.meshes.words import BOM, plain
@@ -230,6 +229,8 @@ def read_ply(data: bytes, wanted: Wanted = NOTHING) -> RawMesh | None:
         return None
     mesh = RawMesh(vertices, faces, None, None)
     if wanted and _in_range(faces, vertices):
+        from raytrace.scene.meshes.ply_corners import with_attributes  # few scenes need it
+
         mesh = with_attributes(mesh, read, elements, places, wanted, faults=faults)
     if not {"nx", "ny", "nz"} <= vertex.keys():
         return mesh

@@ -141,9 +141,21 @@ def concatenate(meshes: list[RawMesh]) -> RawMesh:
         sizes = [len(mesh.faces) for mesh in meshes]
         uv, colors = (join_corners([getattr(mesh, key) for mesh in meshes], sizes) for key in ("uv", "colors"))
         joined = joined._replace(uv=uv, colors=colors)
+    if any(mesh.materials for mesh in meshes):
+        joined = _with_materials(joined, meshes)
     if not normals:
         return joined
     return joined._replace(normals=np.concatenate(normals), normal_faces=np.concatenate(normal_faces))
+
+
+def _with_materials(joined: RawMesh, meshes: list[RawMesh]) -> RawMesh:
+    """Return a mesh with the materials of those that it was made of; equal ones become one."""
+    rows = {material: row for row, material in enumerate(dict.fromkeys(m for mesh in meshes for m in mesh.materials))}
+    parts = []
+    for mesh in meshes:
+        own = np.array([rows[material] for material in mesh.materials], np.int32)
+        parts.append(own[mesh.parts] if mesh.parts is not None else np.zeros(len(mesh.faces), np.int32))
+    return joined._replace(parts=np.concatenate(parts), materials=tuple(rows))
 
 
 def join_corners(parts: Sequence[Matrix | None], sizes: Sequence[int]) -> Matrix | None:

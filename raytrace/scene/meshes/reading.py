@@ -10,10 +10,10 @@ import numpy as np
 
 from raytrace.errors import FileError, FileMemoryError, RaytraceError, SceneError, shortened
 from raytrace.limits import MAX_MESH, MAX_TRIANGLES
-from raytrace.memory import Allowance, of_reading
+from raytrace.memory import Allowance, of_corners, of_reading
 from raytrace.misnamed import ENCODED, is_utf16, mistaken
 from raytrace.records import RawMesh
-from raytrace.scene.attributes import NOTHING, Wanted
+from raytrace.scene.attributes import COLOR, MATERIAL, NOTHING, UV, Wanted
 from raytrace.scene.files import Reach, format_of, locate
 from raytrace.scene.meshes.errors import TooLargeError, TooManyTrianglesError, UnsupportedError
 from raytrace.scene.meshes.glb import read_glb
@@ -29,7 +29,7 @@ READERS: dict[str, Callable[[bytes, float, Wanted], list[RawMesh | None]]] = {
     ".stl": lambda data, _most, _wanted: [read_stl(data)],
     ".glb": lambda data, most, wanted: list(read_glb(data, most, wanted)),
 }
-PLACED = 200  # bytes per triangle that a node places
+PLACED = 200  # bytes per triangle that a node places; uv and colours take twice their size more
 
 
 MAX_REASON = 300  # characters
@@ -61,9 +61,9 @@ def _read_bytes(path: Path, allowance: Allowance) -> bytes:
         raise FileError(f"{path}: can't be read: {error.strerror or error}") from None
 
 
-def _afford(path: Path, length: int, words: int | None, allowance: Allowance) -> None:
+def _afford(path: Path, length: int, words: int | None, allowance: Allowance, attributes: Wanted = NOTHING) -> None:
     """Refuse a file that needs more memory than there is."""
-    if lacks := allowance.lacks(of_reading(format_of(path), length, words), "split it or simplify it"):
+    if lacks := allowance.lacks(of_reading(format_of(path), length, words, attributes), "split it or simplify it"):
         raise FileMemoryError(f"memory: {path}: {lacks}")
 
 
@@ -75,10 +75,10 @@ def _other_reader(
     return other_reader(path, reach, allowance)
 
 
-def _refusal(path: Path, error: ValueError, allowance: Allowance) -> SceneError | FileError:
+def _refusal(path: Path, error: ValueError, allowance: Allowance, placed: int) -> SceneError | FileError:
     """Return the error for a file that is refused, although it may be valid."""
     if isinstance(error, TooManyTrianglesError):
-        if lacks := allowance.lacks(PLACED * error.load, "simplify it, or place it less often"):
+        if lacks := allowance.lacks(placed * error.load, "simplify it, or place it less often"):
             return FileMemoryError(f"memory: {path}: {error}, which {lacks}")
         return FileError(f"{path}: {error}; at most {MAX_TRIANGLES:,}")
     text = f"{path}: {shortened(' '.join(str(error).split()), MAX_REASON)}"
@@ -154,8 +154,10 @@ def read_mesh(
     allowance = allowance or Allowance()
     data, kind = _read_bytes(path, allowance), format_of(path)
     _check_kind(path, data)
-    _afford(path, len(data), _words(data, kind), allowance)
-    most = min(MAX_TRIANGLES, allowance.left / PLACED)
+    attributes = frozenset({UV, COLOR}) if MATERIAL in wanted else wanted
+    _afford(path, len(data), _words(data, kind), allowance, attributes)
+    placed = PLACED + 2 * of_corners(attributes)
+    most = min(MAX_TRIANGLES, allowance.left / placed)
     try:
         with np.errstate(all="ignore"):  # what is not finite is found below
             read = READERS.get(kind) or _other_reader(path, reach, allowance)
@@ -167,7 +169,7 @@ def read_mesh(
     except MemoryError:  # less was free than it seemed
         raise FileMemoryError(f"memory: {path}: there is not enough to read it; split it or simplify it") from None
     except (TooLargeError, UnsupportedError) as error:
-        raise _refusal(path, error, allowance) from None
+        raise _refusal(path, error, allowance, placed) from None
     except (ValueError, OverflowError, RecursionError) as error:
         reason = shortened(" ".join(str(error).split()) or type(error).__name__, MAX_REASON)
         raise SceneError([f"{path}: not a complete {kind[1:].upper()} file: {reason}"]) from error
