@@ -4,10 +4,12 @@ import json
 import sys
 from pathlib import Path
 
+import attributes
 import cases
 import lies
 import pytest
 import seeds
+import textures
 from mill import DIFFERENT, DONE, FILE, Case, Mill
 from run import structured
 
@@ -32,6 +34,8 @@ def case_of(path: Path) -> Case:
     if path.suffix == ".json":
         return cases.scene_text(data, name)
     kind = name.partition(".")[2]
+    if kind == "jpg":
+        return textures.case(name, data, name)
     if kind in ("exr", "npz", "png"):
         files = {name: data, f"right.{kind}": seeds.pictures()[f"a.{kind}"]}
         return Case(files, ["compare", *files], name, codes=(DONE, FILE, DIFFERENT))
@@ -56,9 +60,18 @@ def test_the_right_files_end_in_right_pictures(mill):
     assert mill.counts[DONE] - before == len(cases.MESHES) + len(right)
     for name, data in odd.items():
         assert mill.grind(Case({name: data}, ["compare", name, name], codes=(FILE,))) == ""
+    found = [mill.grind(textures.case(name, data, name)) for name, data in cases.texture_files().items()]
+    assert not any(found)
 
 
-@pytest.mark.parametrize("make", [cases.mesh, cases.scene_bytes, cases.picture])
+def test_right_meshes_with_attributes_are_loaded(mill):
+    before = mill.counts[DONE]
+    for name, data in attributes.MESHES.items():
+        assert mill.grind(attributes.case(name, data, name)) == ""
+    assert mill.counts[DONE] - before == len(attributes.MESHES)
+
+
+@pytest.mark.parametrize("make", [cases.mesh, attributes.attributes, cases.scene_bytes, cases.picture, cases.texture])
 def test_files_mutated_by_bytes(mill, make):
     assert [fault for k in range(150) if (fault := mill.grind(make(1000, k)))] == []
 

@@ -15,7 +15,7 @@ from raytrace.rendering.result import LAYERS
 from small_scenes import Part, look, make_scene, quad, studio
 
 BOX = Path(__file__).parents[1] / "scenes" / "cornell-box.json"
-SHAPES = {"depth": (), "normal": (3,), "albedo": (3,), "prim_id": (), "position": (3,), "samples": ()}
+SHAPES = {"depth": (), "normal": (3,), "albedo": (3,), "prim_id": (), "position": (3,), "samples": (), "uv": (2,)}
 WHOLE = ("prim_id", "samples")
 
 
@@ -82,7 +82,7 @@ def test_a_miss_looks_as_the_conventions_say():
 
 def test_there_are_all_layers_of_the_documented_kinds(drawn):
     assert tuple(drawn.aov) == LAYERS == tuple(SHAPES)
-    assert len(drawn.aov) == 6
+    assert len(drawn.aov) == 7
     for name, layer in drawn.aov.items():
         assert layer.shape == (14, 20, *SHAPES[name])
         assert layer.dtype == (np.int32 if name in WHOLE else np.float32)
@@ -93,7 +93,7 @@ def test_layers_are_computed_when_asked_for_and_once(monkeypatch):
     monkeypatch.setattr("raytrace.rendering.run.trace_layers", lambda *args: calls.append(args) or trace_layers(*args))
     drawn = rt.render(BOX, spp=1, size=(12, 8))
     assert (drawn.aov["samples"] == 1).all()
-    assert (calls, len(drawn.aov), list(drawn.aov)) == ([], 6, list(LAYERS))
+    assert (calls, len(drawn.aov), list(drawn.aov)) == ([], 7, list(LAYERS))
     assert list(drawn.aov.computed) == ["samples"]
     assert drawn.aov["depth"] is drawn.aov["depth"]
     assert drawn.aov["normal"].shape == (8, 12, 3)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from raytrace.scene.load import load
 
@@ -69,7 +70,8 @@ def test_make_reproduces_the_committed_meshes(tmp_path):
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
 def test_every_mesh_is_used(folder):
     scenes = [json.loads(path.read_text(encoding="utf-8")) for path in folder.glob("*.json")]
-    used = {folder / item["mesh"] for scene in scenes for item in scene["objects"]}
+    used = {folder / item["mesh"] for scene in scenes for item in scene["objects"] if "mesh" in item}
+    used = {path for path in used if path.parent.name == "meshes"}
     assert used == {path for path in (folder / "meshes").iterdir() if path.suffix != ".py" and path.is_file()}
 
 
@@ -180,3 +182,15 @@ def test_the_room_shows_every_mesh_format_and_both_kinds_of_normals():
     assert {Path(item["mesh"]).suffix for item in room["objects"]} == {".obj", ".ply", ".glb"}
     assert {item.get("normals", "flat") for item in room["objects"]} == {"flat", "smooth"}
     assert len(room["lights"]) > 1
+
+
+def test_make_reproduces_the_committed_textures(tmp_path):
+    subprocess.run([sys.executable, SCENES / "textures/make.py", tmp_path], check=True)
+    made = {path.name for path in tmp_path.iterdir()}
+    assert made == {path.name for path in (SCENES / "textures").iterdir() if path.suffix not in (".py", "")}
+    for name in made:
+        if name.endswith(".png"):  # zlib builds differ in how they compress, not in what
+            with Image.open(tmp_path / name) as new, Image.open(SCENES / "textures" / name) as old:
+                np.testing.assert_array_equal(np.asarray(new), np.asarray(old))
+        else:
+            assert (tmp_path / name).read_bytes() == (SCENES / "textures" / name).read_bytes()

@@ -45,6 +45,7 @@ CHANNELS: dict[str, tuple[str, ...]] = {  # channels of an EXR, as <layer>.<chan
     "emission": ("emission.R", "emission.G", "emission.B"),
     "direct": ("direct.R", "direct.G", "direct.B"),
     "indirect": ("indirect.R", "indirect.G", "indirect.B"),
+    "uv": ("uv.U", "uv.V"),
 }
 WHOLE = ("prim_id", "samples")  # int32; the others are float32
 Contents = tuple[dict[str, NDArray[Any]], dict[str, Any]]  # arrays by name, provenance
@@ -130,7 +131,8 @@ def save(
     var : (h, w, 3) array of float, optional
         Variance of each channel's mean.
     aov : mapping of str to array
-        ``depth prim_id samples`` (h, w), ``normal albedo position emission direct indirect`` (h, w, 3).
+        ``depth prim_id samples`` (h, w), ``uv`` (h, w, 2), ``normal albedo position emission direct indirect``
+        (h, w, 3).
     provenance : mapping of str to str, int or float
         How the image was made.
     exposure : float
@@ -203,7 +205,8 @@ def checked(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
     size = np.shape(arrays["rgb"])[:2]
     checked = {name: _converted(name, array) for name, array in arrays.items()}
     for name, array in checked.items():
-        shape = (*size, 3) if len(CHANNELS[name]) == 3 else size
+        count = len(CHANNELS[name])
+        shape = (*size, count) if count > 1 else size
         if array.shape != shape or len(size) < 2 or array.size == 0:
             expected = "(height, width, 3)" if name == "rgb" else f"{shape}, as rgb has it"
             raise ValueError(f"{name}: expected shape {expected}, got {array.shape}")

@@ -115,6 +115,8 @@ def render(
     settings = override(scene.settings, most, size, seed, precision, sampler, integrator=integrator)
     window = window_of(settings.size, crop)
     layers, limit, count = layers_of(aov), seconds_of(time_limit), parallel.thread_count(threads)
+    if "uv" in layers:
+        scene.corner_uv  # noqa: B018 - may read files: what is wrong with them is an error now, not after the render
     plan = plan_of(scene)
     precision = plan.precision.name if settings.precision == "auto" else settings.precision
     if plan.refraction:

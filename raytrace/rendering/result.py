@@ -24,7 +24,8 @@ ROWS = 64  # of pixels: the layers are computed in bands of so many
 class Layers(Mapping[str, NDArray[Any]]):
     """AOVs by name; all are computed when the first one is needed, along the rays through the pixels' centres.
 
-    Those of the samples' light are there only if they were asked for before the render.
+    Those of the samples' light are there only if they were asked for before the render. "uv" is computed by itself,
+    because files may have to be read for it.
 
     Attributes
     ----------
@@ -33,7 +34,7 @@ class Layers(Mapping[str, NDArray[Any]]):
     """
 
     def __init__(
-        self, samples: NDArray[np.int32], trace: Callable[[], dict[str, NDArray[Any]]], light: bool = False
+        self, samples: NDArray[np.int32], trace: Callable[[str], dict[str, NDArray[Any]]], light: bool = False
     ) -> None:
         self._names = LAYERS + LIGHT_LAYERS if light else LAYERS
         self._known: dict[str, NDArray[Any]] = {"samples": samples}
@@ -44,7 +45,7 @@ class Layers(Mapping[str, NDArray[Any]]):
         if name not in self._names:
             raise KeyError(f"{name!r}: {ASK if name in LIGHT_LAYERS else 'expected one of ' + ', '.join(self._names)}")
         if name not in self._known:
-            self._known |= self._trace()
+            self._known |= self._trace(name)
         self.computed[name] = self._known[name]
         return self._known[name]
 
@@ -78,8 +79,9 @@ class Render:
         Estimated variance of each channel's mean, of linear radiance squared, by the same model as ``stderr``: its root
         is the channel's standard error. NaN with fewer than two samples.
     aov : Mapping
-        Layers "depth", "normal", "albedo", "prim_id", "position", "samples", computed on first use. Also "emission",
-        "direct" and "indirect", if one of them was asked for in the call of ``render``, with the integrator "path".
+        Layers "depth", "normal", "albedo", "prim_id", "position", "samples", "uv", computed on first use. Also
+        "emission", "direct" and "indirect", if one of them was asked for in the call of ``render``, with the
+        integrator "path".
     stats : dict
         Rays by kind (including those that only fill a tile's last packet), seconds by pass (summed over threads),
         compile seconds, samples, "estimated_error" (RMSE in sRGB clipped to 0..1), "estimated_error_linear" (RMSE of
@@ -184,16 +186,26 @@ def state_of(image: Render) -> str:
     return f"{why} at {_taken(image)} samples per pixel{average}"
 
 
-def trace_layers(scene: Scene, bvh: BVH, size: tuple[int, int], window: Window) -> dict[str, NDArray[Any]]:
-    """Compute the layers of a window of the film."""
+def trace_layers(
+    scene: Scene, bvh: BVH, size: tuple[int, int], window: Window, name: str = ""
+) -> dict[str, NDArray[Any]]:
+    """Compute the layers of a window of the film: "uv" alone, or all others."""
+    make = _uv_of if name == "uv" else _layers_of
     view = make_view(scene.camera, size, np.dtype(np.float64))
     bands = []
     for top in range(window.y, window.y + window.height, ROWS):
         y, x = np.mgrid[top : min(top + ROWS, window.y + window.height), window.x : window.x + window.width] + 0.5
         d = pinhole_directions(view, x.ravel(), y.ravel())
-        bands.append(_layers_of(scene, bvh, bvh.closest_hit(scene.camera.position, d)))
+        bands.append(make(scene, bvh, bvh.closest_hit(scene.camera.position, d)))
     layers = {name: np.concatenate([band[name] for band in bands]) for name in bands[0]}
     return {name: layer.reshape(window.height, window.width, *layer.shape[1:]) for name, layer in layers.items()}
+
+
+def _uv_of(scene: Scene, _bvh: BVH, hits: Hits) -> dict[str, NDArray[Any]]:
+    """Texture coordinates at hits; NaN for misses, and for meshes without uv."""
+    from raytrace.rendering.uv_layer import uv_of
+
+    return {"uv": uv_of(scene, hits)}
 
 
 def _layers_of(scene: Scene, bvh: BVH, hits: Hits) -> dict[str, NDArray[Any]]:
@@ -207,7 +219,12 @@ def _layers_of(scene: Scene, bvh: BVH, hits: Hits) -> dict[str, NDArray[Any]]:
         n0, n1, n2 = (scene.mesh.normals[prim_id, k] for k in range(3))
         normal = (1 - u - v) * n0 + u * n1 + v * n2
         normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-    albedo = scene.materials.albedo[scene.mesh.material_id[prim_id]]
+    if scene.textures is None:
+        albedo = scene.materials.albedo[scene.mesh.material_id[prim_id]]
+    else:
+        from raytrace.rendering.albedo_layer import albedo_at
+
+        albedo = albedo_at(scene, prim_id, np.where(missed[:, 0], 0, hits.u), np.where(missed[:, 0], 0, hits.v))
     return {
         "depth": hits.t.astype(np.float32),
         "normal": np.where(missed, 0, normal).astype(np.float32),

@@ -280,6 +280,6 @@ class Run:
         return Render(rgb, stderr, var, self.layers, stats, provenance, *more, self.checkpoint)
 
 
-def _trace_layers(job: Job) -> dict[str, NDArray[Any]]:
+def _trace_layers(job: Job, name: str) -> dict[str, NDArray[Any]]:
     bvh = compiled_of(job.scene, job.plan, job.precision).bvh
-    return trace_layers(job.scene, bvh, job.settings.size, job.window)
+    return trace_layers(job.scene, bvh, job.settings.size, job.window, name)

@@ -6,12 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raytrace.errors import FileError, FileMemoryError, SceneError
 from raytrace.limits import MAX_TRIANGLES
 from raytrace.memory import Allowance, Joining
 from raytrace.records import Camera, RawMesh, Scene, Settings
 from raytrace.scene import checks
+from raytrace.scene.attributes import COLOR, FROM_FILE, MATERIAL, NOTHING, UV, check_attributes, needed, wanted_of
 from raytrace.scene.files import Reach
 from raytrace.scene.joining import MeshWarning, join
 from raytrace.scene.meshes.given import MARK, read_given
@@ -22,6 +24,7 @@ from raytrace.scene.shapes import make_shape, shape_of, shape_size, sphere_frequ
 from raytrace.scene.tables import lights_of, materials_of
 from raytrace.scene.text import Text
 from raytrace.scene.transforms import PlacedMesh, place
+from raytrace.scene.uv_source import UvSource
 
 
 def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, origins: Origins, reach: Reach) -> Scene:
@@ -45,39 +48,39 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
     SceneError, FileError
         What is wrong with meshes.
     """
-    shapes = _Shapes(scene, reach, text.meshes)
+    needs = needed(data)
+    shapes = ShapeReader(scene, reach, text.meshes, needs)
     shapes.place_all()
-    if shapes.problems:
-        raise text.error(shapes.problems, origins)
+    own = shapes.file_materials
+    read = _read_textures(scene, reach, own) if needs or (own and own.textured) else None
+    if problems := shapes.problems + _at_objects(read, own):
+        raise text.error(problems, origins)
     mesh, mesh_warnings = join(shapes.placed)
+    materials, textures, warnings = materials_of(scene), None, checks.warn(data)
+    if read is not None:
+        read = read.finished(scene.materials, materials, mesh)
+        if read.problems:
+            raise text.error(_at_objects(read, own), origins)
+        materials, textures, warnings = read.means, read.textures, warnings + read.warnings
     names = _names(scene)
-    warnings = checks.warn(data)
     for i, what in shapes.warnings + mesh_warnings:
         warnings.append(Problem(("objects", i, shape_of(scene.objects[i])), f"{names[i]}: {what}"))
     view = scene.camera
     camera = Camera(np.array(view.position), np.array(view.look_at), np.array(view.up), view.fov)
     background = np.array(scene.background)
-    materials = materials_of(scene)
-    render = scene.render
     made = Scene(
         source=path,
         about=scene.about,
         camera=camera,
-        settings=Settings(
-            scene.film.size,
-            render.spp,
-            render.max_depth,
-            render.sampler,
-            render.precision,
-            render.seed,
-            render.integrator,
-        ),
+        settings=_settings(scene.film, scene.render),
         background=background,
         materials=materials,
         lights=lights_of(scene),
         mesh=mesh,
         objects=names,
         warnings=(),
+        textures=textures,
+        uv_source=UvSource(scene.objects, reach, text.meshes),
     )
     if made.refractive:
         from raytrace.scene.coincident import MOST_PAIRS, chosen_coincidences
@@ -87,7 +90,35 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
     return replace(made, warnings=text.warn(warnings, origins)) if warnings else made
 
 
-class _Shapes:
+def _settings(film: Any, render: Any) -> Settings:
+    return Settings(
+        film.size,
+        render.spp,
+        render.max_depth,
+        render.sampler,
+        render.precision,
+        render.seed,
+        render.integrator,
+    )
+
+
+def _read_textures(scene: Any, reach: Reach, own: Any) -> Any:
+    """Read the textures of a scene that has some; own: the materials of its mesh files."""
+    from raytrace.scene.textures import read_textures
+
+    used = {entry.material for entry in scene.objects}
+    if own is None:
+        return read_textures(scene.materials, used, reach)
+    return read_textures(scene.materials, used | set(own.used()), reach, own.images)
+
+
+def _at_objects(read: Any, own: Any) -> list[Problem]:
+    """Return the problems of textures; those of materials of mesh files at the objects that have them."""
+    problems: list[Problem] = read.problems if read else []
+    return [own.at_object(problem) for problem in problems] if own else problems
+
+
+class ShapeReader:
     """The shapes of a scene: each read or made once, and placed where its objects state.
 
     Parameters
@@ -96,14 +127,22 @@ class _Shapes:
     reach : Reach
     given : mapping
         Name -> mesh that a program gives in memory.
+    needs : dict of str
+        Name of a material -> attributes that it needs.
+    strict : bool
+        Whether it is an error if a mesh lacks one of them.
     """
 
-    def __init__(self, scene: Any, reach: Reach, given: Mapping[str, Any]) -> None:
+    def __init__(
+        self, scene: Any, reach: Reach, given: Mapping[str, Any], needs: dict[str, set[str]], *, strict: bool = True
+    ) -> None:
         self.placed: list[PlacedMesh] = []
         self.problems: list[Problem] = []
         self.warnings: list[MeshWarning] = []
         self._scene, self._reach, self._given = scene, reach, given
+        self._needs, self._wanted, self._strict = needs, wanted_of(scene.objects, needs), strict
         self._made: dict[Any, RawMesh | None] = {}
+        self.file_materials: Any = None  # SceneFileMaterials, if any object has them
         self._allowance, self._joining = Allowance(reach.max_memory), Joining()
 
     def place_all(self) -> None:
@@ -115,7 +154,12 @@ class _Shapes:
             try:
                 raw = self._mesh(i, entry) if entry.mesh is not None else self._shape(entry)
                 if raw is not None:
-                    self.placed.append(place(raw, entry, rows[entry.material]))
+                    if self._strict and (needs := self._needs.get(entry.material)):
+                        check_attributes(raw, needs, _name(entry), entry.material)
+                    material = rows.get(entry.material)
+                    self.placed.append(
+                        place(raw, entry, self._of_file(i, entry, raw) if material is None else material)
+                    )
             except _TooLargeError as error:  # more objects would not make it smaller
                 self.problems.append(shape_problem(i, shape_of(entry), error))
                 return
@@ -127,32 +171,52 @@ class _Shapes:
     def _mesh(self, i: int, entry: Any) -> RawMesh | None:
         """Read the mesh of an object; None if it was read before, and is broken."""
         name = entry.mesh
-        if name not in self._made:
-            self._made[name] = None  # a broken file is reported once
+        wanted = self._wanted.get(name, NOTHING)
+        key = name
+        if entry.material == FROM_FILE:
+            key, wanted = (name, FROM_FILE), frozenset({MATERIAL})
+        if key not in self._made:
+            self._made[key] = None  # a broken file is reported once
             if name in self._given:
-                self._made[name] = read_given(self._given[name])
+                self._made[key] = read_given(self._given[name], wanted)
             else:
-                mesh = read_mesh(self._reach.find(name), self._allowance, self._reach.around(name))
-                self._made[name] = mesh
+                mesh = read_mesh(self._reach.find(name), self._allowance, self._reach.around(name), wanted)
+                self._made[key] = mesh
                 self._allowance.left -= mesh.nbytes
                 self.warnings += [MeshWarning(i, text) for text in mesh.warnings]
-        raw = self._made[name]
+        raw = self._made[key]
         if raw is not None:
             smoothness = 0 if entry.normals == "flat" else 1 if raw.normals is not None else 2
-            self._joining = self._joining.with_object(len(raw.faces), len(raw.vertices), smoothness)
+            has = {UV: raw.uv is not None, COLOR: raw.colors is not None}
+            attributes = frozenset(each for each in has if has[each])
+            self._joining = self._joining.with_object(len(raw.faces), len(raw.vertices), smoothness, attributes)
             _afford(self._joining, self._allowance)
         return raw
+
+    def _of_file(self, i: int, entry: Any, raw: RawMesh) -> NDArray[np.int32]:
+        """Return the material of each triangle of a mesh that has those of its file."""
+        from raytrace.scene.file_materials import SceneFileMaterials
+
+        if self.file_materials is None:
+            self.file_materials = SceneFileMaterials(self._scene.materials, self._reach.max_memory)
+        rows: NDArray[np.int32] = self.file_materials.rows(i, entry.mesh, raw)
+        if left_out := self.file_materials.left_out.pop(entry.mesh, ()):
+            text = f"of the materials of the file, these are left out: {', '.join(left_out)}"
+            self.warnings.append(MeshWarning(i, text))
+        return rows
 
     def _shape(self, entry: Any) -> RawMesh:
         """Make the sphere, rectangle or box of an object, unless one like it was made before."""
         size = shape_size(entry)
         smoothness = 0 if entry.normals == "flat" else 1 if entry.sphere is not None else 2
-        self._joining = self._joining.with_object(size.triangles, size.vertices, smoothness)
-        key = sphere_frequency(entry.sphere.tolerance) if entry.sphere is not None else shape_of(entry)
+        wanted = frozenset(self._needs.get(entry.material, ())) & {UV}
+        self._joining = self._joining.with_object(size.triangles, size.vertices, smoothness, wanted)
+        key: Any = sphere_frequency(entry.sphere.tolerance) if entry.sphere is not None else shape_of(entry)
+        key = (key, wanted)
         made = self._made.get(key)
-        _afford(self._joining, self._allowance, 0.0 if made else size.making())
+        _afford(self._joining, self._allowance, 0.0 if made else size.making(bool(wanted)))
         if made is None:
-            self._made[key] = made = make_shape(entry)
+            self._made[key] = made = make_shape(entry, bool(wanted))
             self._allowance.left -= made.nbytes
         return made
 
@@ -171,6 +235,11 @@ def _afford(joining: Joining, allowance: Allowance, making: float = 0.0) -> None
         raise _TooLargeError(f"with this object there are {joining.triangles:,} triangles; at most {MAX_TRIANGLES:,}")
     if lacks := allowance.lacks(joining.total() + making, "simplify the meshes, or use fewer objects"):
         raise _TooMuchMemoryError(f"memory: the scene, of {joining.triangles:,} triangles with this object, {lacks}")
+
+
+def _name(entry: Any) -> str:
+    """Return what a message calls the shape of an object."""
+    return entry.mesh.replace(MARK, "") if entry.mesh is not None else shape_of(entry)
 
 
 def _names(scene: Any) -> tuple[str, ...]:

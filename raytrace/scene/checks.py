@@ -7,9 +7,12 @@ values of the wrong form, because ``format.py`` reports these.
 import math
 from collections.abc import Iterator
 from itertools import chain, islice
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from raytrace.scene.check_light import check_lights, check_materials, emits
+from raytrace.scene.check_textures import check_textures
+from raytrace.scene.files import FORMATS_WITH_MATERIALS, format_of
 from raytrace.scene.positions import Path
 from raytrace.scene.problems import HINTED, MAX_PROBLEMS, Problem, unknown_name
 
@@ -20,6 +23,7 @@ if TYPE_CHECKING:
 MIN_SINE = 1e-6
 
 
+NO_MATERIALS = "only GLB and glTF files have materials that are read; name one of materials"
 Vector = tuple[float, float, float]
 
 
@@ -84,7 +88,7 @@ def check(data: dict[str, Any]) -> list[Problem]:
     list of Problem
     """
     problems = list(_check_camera(data.get("camera")))
-    problems += islice(chain(check_lights(data), check_materials(data)), MAX_PROBLEMS)
+    problems += islice(chain(check_lights(data), check_materials(data), check_textures(data)), MAX_PROBLEMS)
     materials = data.get("materials")
     objects = data.get("objects")
     for i, entry in enumerate(objects if isinstance(objects, list) else []):
@@ -92,6 +96,8 @@ def check(data: dict[str, Any]) -> list[Problem]:
             break
         hint = len(problems) < HINTED
         name = entry.get("material") if isinstance(entry, dict) else None
+        if name == {"from": "file"} and format_of(FilePath(str(entry.get("mesh")))) not in FORMATS_WITH_MATERIALS:
+            problems.append(Problem(("objects", i, "material"), NO_MATERIALS))
         if isinstance(name, str) and isinstance(materials, dict) and name not in materials:
             problems.append(Problem(("objects", i, "material"), unknown_name("material", name, materials, hint)))
         if isinstance(entry, dict):
@@ -114,7 +120,7 @@ def warn(data: dict[str, Any]) -> list[Problem]:
     found = []
     if not data.get("lights") and not any(map(emits, data["materials"].values())):
         found.append(Problem(("lights",), "no lights: all surfaces will be black"))
-    used = {entry["material"] for entry in data["objects"]}
+    used = {entry["material"] for entry in data["objects"] if isinstance(entry["material"], str)}
     for name in data["materials"]:
         if name not in used:
             found.append(Problem(("materials", name), "no object uses this material", at_key=True))

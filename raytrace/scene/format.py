@@ -8,13 +8,14 @@ several keys must agree on.
 import contextlib
 import json
 from collections.abc import Callable, Iterator
+from functools import cache
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from raytrace.scene import schema_text
 from raytrace.scene.positions import Path
 from raytrace.scene.problems import MAX_PROBLEMS, Problem, listed, nearest, quote, unknown_key, unknown_name
-from raytrace.scene.rules import check_film, check_matrix, list_rotations, scale_factors
+from raytrace.scene.rules import check_film, check_matrix, list_rotations, material_name, scale_factors
 
 Schema = dict[str, Any]
 
@@ -48,6 +49,7 @@ EXPECTED = {  # what a message calls each type
 }
 RULES: dict[tuple[str, str], Callable[[Any], Any]] = {  # (title of a model, key): raises ValueError, or converts
     ("Film", "size"): check_film,
+    ("Object", "material"): material_name,
     ("Object", "scale"): scale_factors,
     ("Object", "rotate"): list_rotations,
     ("Object", "matrix"): check_matrix,
@@ -89,6 +91,33 @@ def read_format(data: Any) -> Reading:
     with contextlib.suppress(_EnoughError):
         scene = reader.read(schema, data, ())
     return Reading(None if reader.problems else scene, reader.problems)
+
+
+def keys_of(model: str) -> dict[str, Schema]:
+    """Return the keys of a model of the schema, such as ``Conductor``."""
+    properties: dict[str, Schema] = _schema()["$defs"][model]["properties"]
+    return properties
+
+
+@cache
+def _schema() -> Schema:
+    schema: Schema = json.loads(schema_text())
+    return schema
+
+
+def read_material(data: dict[str, Any]) -> SimpleNamespace:
+    """Return a material that a program made, with all defaults, as ``read_format`` returns those of a scene.
+
+    Examples
+    --------
+    >>> read_material({"type": "diffuse", "albedo": [1, 0, 0]}).two_sided
+    False
+    """
+    schema = _schema()
+    reader = _Reader(schema["$defs"])
+    material: SimpleNamespace = reader.read(schema["properties"]["materials"]["additionalProperties"], data, ("",))
+    assert not reader.problems, reader.problems[0].text
+    return material
 
 
 class _Reader:

@@ -3,8 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raytrace.records import Mesh
+from raytrace.scene.meshes.raw_mesh import join_corners
 from raytrace.scene.normals import face_normals, shading_normals
 from raytrace.scene.transforms import PlacedMesh
 
@@ -21,6 +23,14 @@ class JoinedMesh(NamedTuple):
 
     mesh: Mesh  # its normals are None where no object is smooth
     warnings: list[MeshWarning]
+
+
+def _materials_of(objects: list[PlacedMesh], counts: list[int]) -> NDArray[np.int32]:
+    """Return the material of each triangle."""
+    ids = [placed.material_id for placed in objects]
+    if all(isinstance(number, int) for number in ids):
+        return np.repeat(np.array(ids, np.int32), counts)
+    return np.concatenate([np.broadcast_to(np.int32(own), count) for own, count in zip(ids, counts, strict=True)])
 
 
 def join(objects: list[PlacedMesh]) -> JoinedMesh:
@@ -54,11 +64,14 @@ def join(objects: list[PlacedMesh]) -> JoinedMesh:
         faces.append(placed.mesh.faces + before)
         before += len(placed.mesh.vertices)
     counts = [len(part) for part in faces]
+    uv, colors = (join_corners([getattr(placed.mesh, key) for placed in objects], counts) for key in ("uv", "colors"))
     mesh = Mesh(
         vertices=np.concatenate([placed.mesh.vertices for placed in objects]),
         faces=np.ascontiguousarray(np.concatenate(faces)),
         normals=np.ascontiguousarray(np.concatenate(normals)) if any_smooth else None,
-        material_id=np.repeat(np.array([placed.material_id for placed in objects], np.int32), counts),
+        material_id=_materials_of(objects, counts),
         object_id=np.repeat(np.arange(len(objects), dtype=np.int32), counts),
+        uv=uv,
+        colors=colors,
     )
     return JoinedMesh(mesh, warnings)

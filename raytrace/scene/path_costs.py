@@ -37,6 +37,8 @@ def most_rays(scene: Scene) -> MostRays:
     kinds, depth, path = scene.materials.kind[used], scene.settings.max_depth, scene.settings.integrator == "path"
     scatters, finds = bool((kinds == DIFFUSE).any()), meets_light(scene)
     fixed = (kinds == DIFFUSE) | (kinds == MIRROR)
+    if scene.textures is not None:  # the table has the mean of a texture
+        fixed &= scene.textures.reflectance[used] < 0
     reflectance = np.where(fixed[:, None], scene.materials.albedo[used], 1.0)
     if not path:  # only what is perfectly specular sends paths on, but for one ray that looks for light
         reflectance[kinds == DIFFUSE] = 0.0

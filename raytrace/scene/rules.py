@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from raytrace.limits import MAX_PIXELS, MAX_SIDE
+from raytrace.scene.attributes import FROM_FILE
 
 Row = tuple[float, float, float, float]
 Factors = tuple[float, float, float]
@@ -31,6 +32,11 @@ def list_rotations(rotate: Any) -> list[Any]:
     if rotate is None:
         return []
     return rotate if isinstance(rotate, list) else [rotate]
+
+
+def material_name(material: Any) -> Any:
+    """Return the name of an object's material; ``FROM_FILE`` for those of its file."""
+    return material if isinstance(material, str) else FROM_FILE
 
 
 def check_matrix(matrix: tuple[Row, Row, Row, Row]) -> tuple[Row, Row, Row, Row]:

@@ -34,7 +34,7 @@ class PlacedMesh(NamedTuple):
 
     mesh: RawMesh  # its normals are unit rows here, and zeros where those of the file are of no use
     smooth: bool  # whether the shading normals are those of the vertices
-    material_id: int  # row of Materials
+    material_id: int | NDArray[np.int32]  # row of Materials; (m,) i4: of each triangle
 
 
 def rotation(axis: Sequence[float], angle: float) -> Vectors:
@@ -104,7 +104,7 @@ def object_transform(entry: Any) -> Affine:
     return affine
 
 
-def place(raw: RawMesh, entry: Any, material_id: int) -> PlacedMesh:
+def place(raw: RawMesh, entry: Any, material_id: int | NDArray[np.int32]) -> PlacedMesh:
     """Map a mesh to the world as an object of the scene states.
 
     Parameters
@@ -112,8 +112,8 @@ def place(raw: RawMesh, entry: Any, material_id: int) -> PlacedMesh:
     raw : RawMesh
     entry : types.SimpleNamespace
         An entry of ``objects``, as ``read_format`` returns it.
-    material_id : int
-        Row of the scene's Materials.
+    material_id : int or (m,) int32
+        Row of the scene's Materials; of each triangle, where they differ.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Run cases by the thousand: ``PYTHONPATH=. python tests/fuzz/run.py scenes``, or ``meshes``, or ``pictures``."""
+"""Run cases by the thousand: ``PYTHONPATH=. python tests/fuzz/run.py scenes``, or meshes and so on."""
 
 import argparse
 import sys
@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import attributes
 import cases
 import hypothesis
 import lies
@@ -34,7 +35,8 @@ def structured(count: int, seed: int, grind: Callable[[Case], object]) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["scenes", "meshes", "pictures", "lies"])
+    kinds = ["scenes", "meshes", "attributes", "pictures", "textures", "lies"]
+    parser.add_argument("what", choices=kinds)
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="folder for the cases that show a fault")
@@ -65,7 +67,9 @@ def main() -> int:
         make: dict[str, Callable[[int, int], Case]] = {
             "scenes": cases.scene_bytes,
             "meshes": cases.mesh,
+            "attributes": attributes.attributes,
             "pictures": cases.picture,
+            "textures": cases.texture,
         }
         for k in range(args.count - done):
             grind(make[args.what](args.seed, k))

@@ -16,7 +16,7 @@ Rows = NDArray[Any]  # (n, width), of the file's own type
 BYTE, UBYTE, SHORT, USHORT, UINT, FLOAT = 5120, 5121, 5122, 5123, 5125, 5126
 TYPES = {BYTE: "<i1", UBYTE: "<u1", SHORT: "<i2", USHORT: "<u2", UINT: "<u4", FLOAT: "<f4"}
 INDEX = UBYTE, USHORT, UINT
-WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 MAX_WORK = 2**29  # numbers of morph targets and skins that are read: about ten seconds
 
 
@@ -41,11 +41,15 @@ class Accessors:
     def __init__(self, document: Record, chunk: memoryview, other: Callable[[str], bytes] = _in_the_file) -> None:
         self._document, self._chunk, self._other = document, chunk, other
         self._read: dict[int, memoryview] = {}
-        self._work = 0
+        self._work = self._pictured = 0  # numbers, and bytes of images, that were read
 
     def count(self, index: Any) -> int:
         """Return the number of rows that an accessor states."""
         return whole(item(self._document, "accessors", index), "count")
+
+    def shape(self, index: Any) -> Any:
+        """Return the type of the rows that an accessor states, such as "VEC3"."""
+        return item(self._document, "accessors", index).get("type")
 
     def has_data(self, index: Any) -> bool:
         """Return whether an accessor has numbers of its own; otherwise all are 0."""
@@ -64,7 +68,7 @@ class Accessors:
         ----------
         index : int
             Of the accessor.
-        shape : {"SCALAR", "VEC3", "VEC4", "MAT4"}
+        shape : {"SCALAR", "VEC2", "VEC3", "VEC4", "MAT4"}
         kinds : tuple of int
             Component types that it may have.
         rows : (m,) int64, optional
@@ -147,11 +151,27 @@ class Accessors:
         if uri is None:
             return self._chunk if index == 0 else memoryview(b"")
         if index not in self._read:
-            if str(uri)[:5].lower() != "data:":
-                self._read[index] = memoryview(self._other(str(uri)))
-                return self._read[index]
-            try:
-                self._read[index] = memoryview(base64.b64decode(str(uri).partition(";base64,")[2], validate=True))
-            except (binascii.Error, ValueError):
-                raise ValueError(f"buffers[{index}]: its data is not base64") from None
+            self._read[index] = memoryview(self._content(str(uri), f"buffers[{index}]"))
         return self._read[index]
+
+    def _content(self, uri: str, name: str) -> bytes:
+        """Return the data of a URI: its own, or that of another file."""
+        if uri[:5].lower() != "data:":
+            return self._other(uri)
+        try:
+            return base64.b64decode(uri.partition(";base64,")[2], validate=True)
+        except (binascii.Error, ValueError):
+            raise ValueError(f"{name}: its data is not base64") from None
+
+    def image(self, record: Record) -> bytes:
+        """Return the content of an entry of ``images``: a whole image file."""
+        if "bufferView" in record:
+            data = self._bytes(item(self._document, "bufferViews", record["bufferView"]))
+            self._pictured += len(data)
+            if self._pictured > len(self._chunk) + sum(map(len, self._read.values())):
+                raise TooLargeError("its images overlap: together they are larger than the file")
+            return bytes(data)
+        uri = str(record.get("uri", "data:;base64,"))
+        if self._other is _in_the_file and uri[:5].lower() != "data:":
+            raise UnsupportedError(f"an image in another file, {uri[:200]}; export one file, or use .gltf")
+        return self._content(uri, "images")

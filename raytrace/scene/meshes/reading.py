@@ -10,9 +10,10 @@ import numpy as np
 
 from raytrace.errors import FileError, FileMemoryError, RaytraceError, SceneError, shortened
 from raytrace.limits import MAX_MESH, MAX_TRIANGLES
-from raytrace.memory import Allowance, of_reading
+from raytrace.memory import Allowance, of_corners, of_reading
 from raytrace.misnamed import ENCODED, is_utf16, mistaken
 from raytrace.records import RawMesh
+from raytrace.scene.attributes import COLOR, MATERIAL, NOTHING, UV, Wanted
 from raytrace.scene.files import Reach, format_of, locate
 from raytrace.scene.meshes.errors import TooLargeError, TooManyTrianglesError, UnsupportedError
 from raytrace.scene.meshes.glb import read_glb
@@ -21,13 +22,14 @@ from raytrace.scene.meshes.ply import read_ply
 from raytrace.scene.meshes.raw_mesh import concatenate
 from raytrace.scene.meshes.stl import is_binary, is_text, read_stl
 
-READERS: dict[str, Callable[[bytes, float], list[RawMesh | None]]] = {  # arguments: content of a file, most triangles
-    ".obj": lambda data, _: [read_obj(data)],
-    ".ply": lambda data, _: [read_ply(data)],
-    ".stl": lambda data, _: [read_stl(data)],
-    ".glb": lambda data, most: list(read_glb(data, most)),
+# arguments: content of a file, most triangles, wanted attributes
+READERS: dict[str, Callable[[bytes, float, Wanted], list[RawMesh | None]]] = {
+    ".obj": lambda data, _, wanted: [read_obj(data, wanted)],
+    ".ply": lambda data, _, wanted: [read_ply(data, wanted)],
+    ".stl": lambda data, _most, _wanted: [read_stl(data)],
+    ".glb": lambda data, most, wanted: list(read_glb(data, most, wanted)),
 }
-PLACED = 200  # bytes per triangle that a node places
+PLACED = 200  # bytes per triangle that a node places; uv and colours take twice their size more
 
 
 MAX_REASON = 300  # characters
@@ -59,22 +61,24 @@ def _read_bytes(path: Path, allowance: Allowance) -> bytes:
         raise FileError(f"{path}: can't be read: {error.strerror or error}") from None
 
 
-def _afford(path: Path, length: int, words: int | None, allowance: Allowance) -> None:
+def _afford(path: Path, length: int, words: int | None, allowance: Allowance, attributes: Wanted = NOTHING) -> None:
     """Refuse a file that needs more memory than there is."""
-    if lacks := allowance.lacks(of_reading(format_of(path), length, words), "split it or simplify it"):
+    if lacks := allowance.lacks(of_reading(format_of(path), length, words, attributes), "split it or simplify it"):
         raise FileMemoryError(f"memory: {path}: {lacks}")
 
 
-def _other_reader(path: Path, reach: Reach | None, allowance: Allowance) -> Callable[[bytes, float], list[RawMesh]]:
+def _other_reader(
+    path: Path, reach: Reach | None, allowance: Allowance
+) -> Callable[[bytes, float, Wanted], list[RawMesh]]:
     from raytrace.scene.meshes.other_formats import other_reader  # few scenes need it
 
     return other_reader(path, reach, allowance)
 
 
-def _refusal(path: Path, error: ValueError, allowance: Allowance) -> SceneError | FileError:
+def _refusal(path: Path, error: ValueError, allowance: Allowance, placed: int) -> SceneError | FileError:
     """Return the error for a file that is refused, although it may be valid."""
     if isinstance(error, TooManyTrianglesError):
-        if lacks := allowance.lacks(PLACED * error.load, "simplify it, or place it less often"):
+        if lacks := allowance.lacks(placed * error.load, "simplify it, or place it less often"):
             return FileMemoryError(f"memory: {path}: {error}, which {lacks}")
         return FileError(f"{path}: {error}; at most {MAX_TRIANGLES:,}")
     text = f"{path}: {shortened(' '.join(str(error).split()), MAX_REASON)}"
@@ -112,7 +116,9 @@ def _check_kind(path: Path, data: bytes) -> None:
         raise SceneError([f"{path}: {ENCODED}"])
 
 
-def read_mesh(path: Path, allowance: Allowance | None = None, reach: Reach | None = None) -> RawMesh:
+def read_mesh(
+    path: Path, allowance: Allowance | None = None, reach: Reach | None = None, wanted: Wanted = NOTHING
+) -> RawMesh:
     """Return all triangles of a mesh file; its parts are transformed and joined.
 
     Parameters
@@ -123,6 +129,8 @@ def read_mesh(path: Path, allowance: Allowance | None = None, reach: Reach | Non
         Memory that it may use; by default the free memory.
     reach : Reach, optional
         Folders for other files that it names; by default its own folder.
+    wanted : set of {"uv", "color"}, optional
+        Attributes that are read too, where the file has them.
 
     Returns
     -------
@@ -146,12 +154,14 @@ def read_mesh(path: Path, allowance: Allowance | None = None, reach: Reach | Non
     allowance = allowance or Allowance()
     data, kind = _read_bytes(path, allowance), format_of(path)
     _check_kind(path, data)
-    _afford(path, len(data), _words(data, kind), allowance)
-    most = min(MAX_TRIANGLES, allowance.left / PLACED)
+    attributes = frozenset({UV, COLOR}) if MATERIAL in wanted else wanted
+    _afford(path, len(data), _words(data, kind), allowance, attributes)
+    placed = PLACED + 2 * of_corners(attributes)
+    most = min(MAX_TRIANGLES, allowance.left / placed)
     try:
         with np.errstate(all="ignore"):  # what is not finite is found below
             read = READERS.get(kind) or _other_reader(path, reach, allowance)
-            parts = [part for part in read(data, most) if part is not None]
+            parts = [part for part in read(data, most, wanted) if part is not None]
     except RaytraceError:
         raise
     except ObjError as error:
@@ -159,7 +169,7 @@ def read_mesh(path: Path, allowance: Allowance | None = None, reach: Reach | Non
     except MemoryError:  # less was free than it seemed
         raise FileMemoryError(f"memory: {path}: there is not enough to read it; split it or simplify it") from None
     except (TooLargeError, UnsupportedError) as error:
-        raise _refusal(path, error, allowance) from None
+        raise _refusal(path, error, allowance, placed) from None
     except (ValueError, OverflowError, RecursionError) as error:
         reason = shortened(" ".join(str(error).split()) or type(error).__name__, MAX_REASON)
         raise SceneError([f"{path}: not a complete {kind[1:].upper()} file: {reason}"]) from error
