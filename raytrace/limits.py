@@ -10,3 +10,4 @@ MAX_SEED = 2**32 - 1  # random numbers are functions of a 32-bit seed
 MAX_TRIANGLES = 2**28  # of a scene: 60 GB of trees and tables
 MAX_SCENE = 2**24  # bytes of a scene file: JSON takes 30 times as much memory
 MAX_MESH = 2**30  # bytes of a mesh file, decompressed: about 10 million triangles of OBJ, 50 million of binary PLY
+MAX_TEXELS = 2**28  # of all textures of a scene: their values are numbered by int32

@@ -23,6 +23,7 @@ READING_OTHER = 20  # of any other format, decompressed
 TEXT = {".obj": (3, 85), ".ply": (3, 57), ".stl": (3, 52)}  # to read one byte of a text file, and one word of it
 CORNERS, VERTEX = 24, 24  # bytes of three indices, and of a point
 JOINED, SMOOTH = 36, 72  # bytes of a triangle in a scene, and of its shading normals
+ATTRIBUTES = {"uv": 48, "color": 72}  # bytes of those of the corners of a triangle
 JOINING, AVERAGING = 175, 390  # bytes per triangle of the largest object while they are made
 TREE, BUILDING = {4: 105, 8: 260}, {4: 215, 8: 460}  # bytes per triangle, by bytes of a float: a tree, and its build
 PIXEL, BIN, LAYERS, SEARCH = 82, 24, 58, 112  # bytes per pixel: film and image; a bin; layers; adaptive sampling
@@ -149,8 +150,11 @@ class Joining(NamedTuple):
     vertices: int = 0
     passing: int = 0  # temporary bytes: for the triangles of the largest object
     smooth: bool = False  # whether there are shading normals
+    attributes: frozenset[str] = frozenset()  # that any object has: "uv", "color"
 
-    def with_object(self, triangles: int, vertices: int, smoothness: int) -> "Joining":
+    def with_object(
+        self, triangles: int, vertices: int, smoothness: int, attributes: frozenset[str] = frozenset()
+    ) -> "Joining":
         """Return the sizes with one more object; smoothness 0: flat; 1: normals of the file; 2: averaged normals."""
         passing = triangles * (AVERAGING if smoothness == 2 else JOINING)
         return Joining(
@@ -158,12 +162,14 @@ class Joining(NamedTuple):
             self.vertices + vertices,
             max(self.passing, passing),
             self.smooth or smoothness > 0,
+            self.attributes | attributes,
         )
 
     def total(self) -> float:
         """Return the largest number of bytes in use at once."""
-        placed = CORNERS * self.triangles + VERTEX * self.vertices
-        joined = (JOINED + SMOOTH * self.smooth) * self.triangles + VERTEX * self.vertices
+        corners = sum(map(ATTRIBUTES.__getitem__, self.attributes))
+        placed = (CORNERS + corners) * self.triangles + VERTEX * self.vertices
+        joined = (JOINED + SMOOTH * self.smooth + corners) * self.triangles + VERTEX * self.vertices
         return float(placed + joined + self.passing)
 
 
@@ -176,10 +182,11 @@ class Trees(NamedTuple):
     refraction: bool
     lights: bool
     paths: bool = False  # whether the passes of path tracing run
+    textures: int = 0  # bytes
 
     def built(self) -> float:
-        """Return the bytes of all trees."""
-        return float(TREE[self.width] * self.triangles * self.trees)
+        """Return the bytes of all trees, and of textures."""
+        return float(TREE[self.width] * self.triangles * self.trees + self.textures)
 
     def building(self) -> float:
         """Return the largest number of bytes while they are built, one after the other."""
@@ -225,6 +232,7 @@ def check_render(render: RenderSize, trees: Trees, max_memory: int | None) -> No
     }
     if lacks := Allowance(max_memory).lacks(render.total(trees), max(cures, key=cures.__getitem__)):
         parts = f"{size(film)} for {render.pixels:,} pixels, {size(building)} for {trees.triangles:,} triangles"
+        parts += f" and textures of {size(trees.textures)}" * bool(trees.textures)
         raise MemoryLimitError(f"memory: the image, with {parts}, {lacks}")
 
 

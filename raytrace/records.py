@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.scene.fingerprint import fingerprint
+from raytrace.texture_records import Textures
 
 DIFFUSE, REFRACTIVE, MIRROR, DIELECTRIC, CONDUCTOR = range(5)  # Materials.kind
 
@@ -27,12 +28,12 @@ class Materials(NamedTuple):
 
     name: tuple[str, ...]  # names as in the scene file
     kind: NDArray[np.int8]  # (k,) i1: DIFFUSE, REFRACTIVE, MIRROR, DIELECTRIC or CONDUCTOR
-    albedo: NDArray[np.float64]  # (k, 3) f8, 0..1: reflectance where diffuse or a mirror; 1 elsewhere
+    albedo: NDArray[np.float64]  # (k, 3) f8, 0..1: reflectance where diffuse or a mirror; of a texture its mean; else 1
     ior: NDArray[np.float64]  # (k,) f8: index inside / index outside; 1 where nothing is transmitted
     two_sided: NDArray[np.bool_]  # (k,) bool: diffuse on both sides of the geometric normal
     transparent_shadow: NDArray[np.bool_]  # (k,) bool: shadow rays pass straight through
-    emission: NDArray[np.float64] | None = None  # (k, 3) f8, W / (sr m2): radiance of the front; None: no lamps
-    eta: NDArray[np.float64] | None = None  # (k, 3) f8: index of refraction of conductors; None: there are none
+    emission: NDArray[np.float64] | None = None  # (k, 3) f8, W / (sr m2): of the front, or its mean; None: no lamps
+    eta: NDArray[np.float64] | None = None  # (k, 3) f8: index of conductors; 0: from a texture; None: there are none
     k: NDArray[np.float64] | None = None  # (k, 3) f8: their absorption index; inf: all light is reflected
 
 
@@ -72,11 +73,13 @@ class RawMesh(NamedTuple):
     normal_faces: NDArray[np.int64] | None  # (m, 3) i8: row of normals for each corner; -1: none
     normals_fault: str = ""  # why the normals can't be used: an error in a smooth mesh, ignored in a flat one
     warnings: tuple[str, ...] = ()  # features of the file that are probably not rendered as intended
+    uv: NDArray[np.float64] | None = None  # (m, 3, 2) f8: of the corners, NaN: none; None: no corner has any, or unread
+    colors: NDArray[np.float64] | None = None  # (m, 3, 3) f8: linear RGB of the corners; NaN and None as for uv
 
     @property
     def nbytes(self) -> int:
         """Size of its arrays in bytes."""
-        return sum(array.nbytes for array in self[:4] if array is not None)
+        return sum(array.nbytes for array in self if isinstance(array, np.ndarray))
 
 
 class Mesh(NamedTuple):
@@ -87,6 +90,8 @@ class Mesh(NamedTuple):
     normals: NDArray[np.float64] | None  # (m, 3, 3) f8: unit shading normals of the corners; None: all flat
     material_id: NDArray[np.int32]  # (m,) i4: row of Materials
     object_id: NDArray[np.int32]  # (m,) i4: index into Scene.objects
+    uv: NDArray[np.float64] | None = None  # (m, 3, 2) f8: of the corners, NaN: the object has none; None: not needed
+    colors: NDArray[np.float64] | None = None  # (m, 3, 3) f8: linear RGB of the corners; NaN and None as for uv
 
 
 class Settings(NamedTuple):
@@ -115,6 +120,7 @@ class Scene:
     mesh: Mesh
     objects: tuple[str, ...]  # a short name per object, for messages
     warnings: tuple[str, ...]  # about valid but probably unintended content, one line each
+    textures: Textures | None = None  # of the materials that objects have; None: there are none
 
     sha256 = cached_property(fingerprint)  # computed on first use; a scene from ``dataclasses.replace`` has its own
 

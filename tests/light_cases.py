@@ -79,6 +79,16 @@ def furnaces() -> Iterator[Case]:
     yield Case("sphere with a point light at its centre, depth 6", lit, (1 - 2**-6) / 2, 1e-3)
 
 
+def square_factor() -> float:
+    """Form factor of two opposed squares at the distance of their sides [Howell C-11]."""
+    return 2 / math.pi * (math.log(math.sqrt(4 / 3)) + 2 * math.sqrt(2) * math.atan(1 / math.sqrt(2)) - math.pi / 2)
+
+
+def above_square() -> dict[str, Any]:
+    """A camera that shows a square of side 1, and nothing else."""
+    return {"position": [0, 0.0001, 0.5], "look_at": [0, 0, 0], "fov": 90}
+
+
 def lights() -> Iterator[Case]:
     """One light over a plane, or over a square."""
     point = [{"type": "point", "position": [0, 0, 2], "flux": [100] * 3}]
@@ -99,8 +109,7 @@ def lights() -> Iterator[Case]:
     yield Case(
         "directional light on a plane", scene([(PLANE, diffuse(0.5))], ABOVE, 1, lights=sun), math.cos(0.5) / math.pi
     )
-    factor = 2 / math.pi * (math.log(math.sqrt(4 / 3)) + 2 * math.sqrt(2) * math.atan(1 / math.sqrt(2)) - math.pi / 2)
-    above = {"position": [0, 0.0001, 0.5], "look_at": [0, 0, 0], "fov": 90}
+    factor, above = square_factor(), above_square()
     for integrator in ("path", "direct"):  # [Howell C-11]
         squares = [(SQUARE, diffuse(0.8)), ((SQUARE + [0, 0, 1])[:, ::-1], diffuse(0.0, 2.0))]
         yield Case(f"two opposed squares, {integrator}", scene(squares, above, 1, integrator=integrator), 1.6 * factor)

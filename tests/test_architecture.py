@@ -50,7 +50,7 @@ DRAWN_IN_TURN = (
 # package -> the packages that it may not import, so that data flows one way
 LAYERS = {
     "textbook": ("accel", "passes", "native", "image", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
-    "scene": ("textbook", "accel", "passes", "image", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
+    "scene": ("textbook", "accel", "passes", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
     "native": ("textbook", "scene", "passes", "image", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
     "accel": ("textbook", "scene", "passes", "image", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
     "passes": ("textbook", "scene", "image", "rendering", "hardcases", "reporting", "show", "golden", "cli"),

@@ -29,6 +29,7 @@ TITLES = {
     "Dielectric": "A material of type `dielectric`",
     "Conductor": "A material of type `conductor`",
     "Refractive": "A material of type `refractive`",
+    "Texture": "A texture",
     "Object": "An entry of `objects`",
     "Rotation": "`rotate` of an object",
     "Sphere": "`sphere` of an object",

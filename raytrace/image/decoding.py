@@ -24,22 +24,25 @@ class NoMemoryError(RefusedError):
     """There is not enough memory for the image."""
 
 
-def content(path: Path) -> bytes:
+def content(path: Path, max_memory: int | None = None) -> bytes:
     """Content of an image file; an error if it is not a regular file, or too large."""
     with open_regular(path, "an image") as stream:
         size = os.fstat(stream.fileno()).st_size
-        check_size(1, size)
+        check_size(1, size, max_memory)
         data = stream.read(size)
     if data.startswith(POINTER):
         raise RefusedError("a Git LFS pointer; fetch the file: git lfs pull")
     return data
 
 
-def check_size(pixels: int, bytes_per_pixel: float) -> None:
-    """Raise an error for an image that is too large, before memory is allocated for it."""
+def check_size(pixels: int, bytes_per_pixel: float, max_memory: int | None = None) -> None:
+    """Raise an error for an image that is too large, before memory is allocated for it.
+
+    ``max_memory`` limits the whole process, bytes; by default the free memory does.
+    """
     if pixels > MAX_PIXELS:
         raise RefusedError(f"it has {pixels:,} pixels; at most {MAX_PIXELS:,}")
-    if lacks := Allowance().lacks(pixels * bytes_per_pixel, "scale it down"):
+    if lacks := Allowance(max_memory).lacks(pixels * bytes_per_pixel, "scale it down"):
         raise NoMemoryError(lacks.partition(", or ")[0])
 
 

@@ -25,22 +25,39 @@ if hasattr(os, "register_at_fork"):  # no fork during the redirection
 
 def read_exr(data: bytes) -> Contents:
     """Arrays and provenance of an EXR file."""
+    planes, header = _planes(data)
+    if not _opaque(planes):
+        raise RefusedError(TRANSPARENT)
+    return checked(_layers(planes)), from_texts(header)
+
+
+def read_colours(data: bytes, max_memory: int | None = None) -> tuple[NDArray[np.float32], bool]:
+    """Colours of an EXR file, (h, w, 3), and whether every pixel is opaque."""
+    planes, _ = _planes(data, max_memory)
+    colours = {name: planes[name] for name in CHANNELS["rgb"]}
+    return _layers(colours)["rgb"].astype(np.float32), _opaque(planes)
+
+
+def _opaque(planes: Mapping[str, NDArray[Any]]) -> bool:
+    return all((planes[name] == 1).all() for name in ALPHAS & planes.keys())
+
+
+def _planes(data: bytes, max_memory: int | None = None) -> tuple[dict[str, NDArray[Any]], Mapping[str, Any]]:
+    """Channels by name, and the header."""
     import OpenEXR
 
     headers = [part.header for part in OpenEXR.File(io.BytesIO(data), header_only=True).parts]
     for header in headers:
         low, high = _corners(header["dataWindow"])
-        check_size(int(np.prod(np.maximum(high - low + 1, 0))), VALUE_BYTES * len(header["channels"]))
+        pixels, size = int(np.prod(np.maximum(high - low + 1, 0))), VALUE_BYTES * len(header["channels"])
+        check_size(pixels, size, max_memory)
     part = _colour_part(headers)
     _check_header(headers[part])
     with contextlib.nullcontext() if pixels_complete(data) else _muted():
         file = OpenEXR.File(io.BytesIO(data), separate_channels=True)
     if len(file.parts) != len(headers):
         raise ValueError("broken or truncated")
-    planes = {name: channel.pixels for name, channel in file.channels(part).items()}
-    if any((planes[name] != 1).any() for name in ALPHAS & planes.keys()):
-        raise RefusedError(TRANSPARENT)
-    return checked(_layers(planes)), from_texts(file.header(part))
+    return {name: channel.pixels for name, channel in file.channels(part).items()}, file.header(part)
 
 
 def _colour_part(headers: list[dict[str, Any]]) -> int:

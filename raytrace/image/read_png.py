@@ -14,9 +14,9 @@ from raytrace.image.png import SIGNATURE
 
 PIXEL_BYTES = 40  # peak memory per pixel while reading
 PIECE = 2**20  # bytes decompressed at a time
-GREY, RGB, PALETTE = 0, 2, 3  # colour types
-CHANNELS = {GREY: 1, RGB: 3, PALETTE: 1, 4: 2, 6: 4}
-DEPTHS = {GREY: (1, 2, 4, 8), RGB: (8,), PALETTE: (1, 2, 4, 8), 4: (8,), 6: (8,)}
+GREY, RGB, PALETTE, GREY_ALPHA, ALPHA = 0, 2, 3, 4, 6  # colour types
+CHANNELS = {GREY: 1, RGB: 3, PALETTE: 1, GREY_ALPHA: 2, ALPHA: 4}
+DEPTHS = {GREY: (1, 2, 4, 8, 16), RGB: (8, 16), PALETTE: (1, 2, 4, 8), GREY_ALPHA: (8, 16), ALPHA: (8, 16)}
 CRITICAL, ONCE = (b"IHDR", b"PLTE", b"IDAT", b"IEND"), (b"IHDR", b"PLTE", b"tRNS")
 NOT_INTERLACED = ((0, 0, 1, 1),)  # left, top, steps across and down
 ADAM7 = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
@@ -49,20 +49,22 @@ def read_png(data: bytes) -> Contents:
     """Arrays and provenance of a PNG file."""
     from PIL.PngImagePlugin import PngImageFile
 
-    chunks, pixels = _chunks(data)
-    header = _header(chunks.get(b"IHDR", b""))
+    chunks, pixels = chunks_of(data)
+    header = header_of(chunks.get(b"IHDR", b""))
+    if header.depth == 16:
+        raise RefusedError("16 bits per channel; use 8 bits, .exr or .npz")
     check_size(header.width * header.height, PIXEL_BYTES)
-    _check_frames(chunks)
-    _check_length(pixels, header.length())
+    check_frames(chunks)
+    check_length(pixels, header.length())
     image = PngImageFile(io.BytesIO(data))  # Image.open has its own size limit, and warns
-    _check_colour(chunks, image)
+    check_colour(chunks, image)
     codes = _opaque(image, header, chunks)
     provenance = from_texts(image.info)
     light = srgb_decode(np.arange(256) / 255.0) * 2.0 ** -_exposure(provenance)
     return checked({"rgb": light.astype(np.float32)[codes]}), provenance
 
 
-def _chunks(data: bytes) -> tuple[dict[bytes, bytes], list[memoryview]]:
+def chunks_of(data: bytes) -> tuple[dict[bytes, bytes], list[memoryview]]:
     """First chunk of each type, and all pixel chunks; checked here, because Pillow accepts many broken files."""
     if not data.startswith(SIGNATURE):
         raise ValueError("it does not begin with the PNG signature")
@@ -92,24 +94,24 @@ def _chunks(data: bytes) -> tuple[dict[bytes, bytes], list[memoryview]]:
     return found, pixels
 
 
-def _header(header: bytes) -> Header:
+def header_of(header: bytes) -> Header:
+    """Content of the chunk IHDR; a ValueError if it is invalid."""
     if len(header) != 13:
         raise ValueError("it has no header")
     width, height = int.from_bytes(header[:4], "big"), int.from_bytes(header[4:8], "big")
     depth, kind, compression, filters, interlaced = header[8:]
-    if depth == 16:
-        raise RefusedError("16 bits per channel; use 8 bits, .exr or .npz")
     if not width or not height or depth not in DEPTHS.get(kind, ()) or compression or filters or interlaced > 1:
         raise ValueError("its header is invalid")
     return Header(width, height, depth, kind, bool(interlaced))
 
 
-def _check_frames(chunks: Mapping[bytes, bytes]) -> None:
+def check_frames(chunks: Mapping[bytes, bytes]) -> None:
+    """Raise an error for an animation."""
     if b"acTL" in chunks and (frames := int.from_bytes(chunks[b"acTL"][:4], "big")) != 1:
         raise RefusedError(f"an animation of {frames} images; save one of them")
 
 
-def _check_length(pixels: list[memoryview], length: int) -> None:
+def check_length(pixels: list[memoryview], length: int) -> None:
     """Raise an error for fewer pixels than the header announces: Pillow would make the others black."""
     stream, found = zlib.decompressobj(), 0
     for body in pixels:
@@ -128,18 +130,27 @@ def _opaque(image: Any, header: Header, chunks: Mapping[bytes, bytes]) -> NDArra
     if header.kind in (GREY, RGB):
         image.info.pop("transparency", None)  # one colour; Pillow does not scale it for less than 8 bits
         codes = np.asarray(image.convert("RGB"))
-        if b"tRNS" in chunks:
-            key, highest = chunks[b"tRNS"][: 2 if header.kind == GREY else 6], 2**header.depth - 1
-            hidden = np.frombuffer(key, ">u2").astype(np.int64) % (highest + 1) * 255 // highest
-            if (codes == hidden).all(axis=2).any():
-                raise RefusedError(TRANSPARENT)
+        if b"tRNS" in chunks and (codes == transparent_code(chunks[b"tRNS"], header)).all(axis=2).any():
+            raise RefusedError(TRANSPARENT)
         return codes
-    if header.kind == PALETTE and np.asarray(image).max() >= len(chunks.get(b"PLTE", b"")) // 3:
-        raise ValueError("pixels with colours that its palette does not have")
+    if header.kind == PALETTE:
+        check_palette(image, chunks)
     four = np.asarray(image.convert("RGBA"))
     if (four[:, :, 3] != 255).any():
         raise RefusedError(TRANSPARENT)
     return four[:, :, :3]
+
+
+def transparent_code(chunk: bytes, header: Header) -> NDArray[np.int64]:
+    """Code of the colour that the chunk tRNS makes transparent, (1,) or (3,), as the pixels are decoded."""
+    key, highest = chunk[: 2 if header.kind == GREY else 6], 2**header.depth - 1
+    return np.frombuffer(key, ">u2").astype(np.int64) % (highest + 1) * max(255, highest) // highest
+
+
+def check_palette(image: Any, chunks: Mapping[bytes, bytes]) -> None:
+    """Raise an error for pixels without a colour."""
+    if np.asarray(image).max() >= len(chunks.get(b"PLTE", b"")) // 3:
+        raise ValueError("pixels with colours that its palette does not have")
 
 
 def _exposure(provenance: dict[str, Any]) -> float:
@@ -156,7 +167,7 @@ def _exposure(provenance: dict[str, Any]) -> float:
 # Colour: the chunks that define the colour space, in order of priority   [PNG, 4.3] -----------------------------------
 
 
-def _check_colour(chunks: Mapping[bytes, bytes], image: Any) -> None:
+def check_colour(chunks: Mapping[bytes, bytes], image: Any) -> None:
     """Raise an error for codes that are not sRGB: they would be read as other colours."""
     if b"cICP" in chunks:
         if chunks[b"cICP"] != SRGB_CODE_POINTS:
@@ -182,7 +193,7 @@ def check_profile(image: Any) -> None:
     """Raise an error for a Pillow image with a colour profile that is not sRGB within a tolerance."""
     from PIL import Image, ImageCms
 
-    grey = image.mode in ("1", "L", "LA")
+    grey = image.mode in ("1", "L", "LA", "I;16")
     steps = np.linspace(0, 255, 6).round().astype(np.uint8)
     cube = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(1, -1, 3)
     given = Image.fromarray(np.ascontiguousarray(cube[:, :, 0] if grey else cube))

@@ -49,5 +49,6 @@ class ColumnMemory:
 def shortened_record(record: Any, rows: int, most: int) -> Any:
     """Return a record of columns of ``most`` rows as one of fewer rows, in the same memory."""
     return record._make(
-        shortened_record(a, rows, most) if isinstance(a, tuple) else a[: len(a) // most * rows] for a in record
+        shortened_record(a, rows, most) if isinstance(a, tuple) else a if a is None else a[: len(a) // most * rows]
+        for a in record
     )

@@ -25,6 +25,7 @@ from raytrace.jit import inlined, kernel
 from raytrace.passes.paths import LIGHT, LIGHT_U, random_bits, uniform2
 from raytrace.passes.sampling import unit_interval
 from raytrace.passes.surface import load3, point_on, row_of, spawn, store3
+from raytrace.passes.textures import varied
 from raytrace.passes.warp import sphere, triangle
 from raytrace.records import DIFFUSE
 
@@ -119,7 +120,7 @@ def minus(a, b):
 
 
 @kernel
-def sample_triangles(sampler, paths, n, depth, table, shading, vertices, incident):
+def sample_triangles(sampler, paths, n, depth, table, shading, textures, vertices, incident):
     """Points on emitting triangles, uniform by area; both ends of the shadow ray lie off their surfaces."""
     like, eps = packet(paths.pdf), machine_epsilon(paths.pdf)
     for i in range(0, n, packet_width(paths.pdf)):
@@ -127,7 +128,8 @@ def sample_triangles(sampler, paths, n, depth, table, shading, vertices, inciden
         if bits(wanted) == 0:
             continue
         u, v = triangle(*uniform2(sampler, paths, i, depth, LIGHT_U))
-        q, nl, offset = point_on(shading.triangles, select(wanted, gather(table.prim_id, row), np.int32(0)), u, v, eps)
+        prim = select(wanted, gather(table.prim_id, row), np.int32(0))
+        q, nl, offset = point_on(shading.triangles, prim, u, v, eps)
         o = starts(vertices, i)
         d = minus(spawn(q, nl, offset), o)
         r2 = dot(d, d)
@@ -135,8 +137,11 @@ def sample_triangles(sampler, paths, n, depth, table, shading, vertices, inciden
         cosine = -dot(wi, nl)
         wanted = wanted & (cosine > 0.0)  # NaN where the points coincide
         pdf = row_of(table.numbers, row, COLUMNS, DENSITY) * r2 / cosine
-        radiance = scaled(numbers3(table, row, 0), 1.0 / pdf)
-        put(incident, i, wanted, (o, d, splat(1.0, like)), (wi, radiance, pdf))
+        radiance = numbers3(table, row, 0)
+        if textures is not None:
+            material = gather(shading.material_id, prim)
+            radiance = varied(textures, textures.emission, material, prim, u, v, radiance)
+        put(incident, i, wanted, (o, d, splat(1.0, like)), (wi, scaled(radiance, 1.0 / pdf), pdf))
 
 
 @kernel

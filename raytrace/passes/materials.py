@@ -31,7 +31,8 @@ from raytrace.passes.paths import (
     uniform2,
 )  # fmt: skip
 from raytrace.passes.refraction import interface_direction, reflect_direction
-from raytrace.passes.surface import load3, spawn, store3, vector_of
+from raytrace.passes.surface import load3, spawn, store3
+from raytrace.passes.textures import index_of, reflectance_of
 from raytrace.passes.warp import around, cosine_hemisphere
 from raytrace.records import CONDUCTOR, DIELECTRIC, DIFFUSE, MIRROR, REFRACTIVE
 
@@ -77,7 +78,9 @@ def scatter_diffuse(sampler, paths, n, depth, mark, surfaces, vertices, incident
         if bits(here) == 0:
             continue
         ng, ns = load3(vertices.ng, i, size, like), load3(vertices.ns, i, size, like)
-        throughput = times(load3(paths.throughput, i, size, like), vector_of(surfaces.reflectance, material, 3, 0))
+        throughput = times(
+            load3(paths.throughput, i, size, like), reflectance_of(vertices.reflectance, surfaces, material, i, size)
+        )
         if incident is not None:
             wi, tmax = load3(incident.wi, i, size, like), load(incident.tmax, i, like)
             cosine, pdf = dot(wi, ns), load(incident.pdf, i, like)
@@ -111,7 +114,9 @@ def reflect_mirrors(paths, n, surfaces, vertices):
             continue
         ng, ns = load3(vertices.ng, i, size, like), load3(vertices.ns, i, size, like)
         d = mirror_direction(load3(paths.rays.d, i, size, like), ng, ns)
-        throughput = times(load3(paths.throughput, i, size, like), vector_of(surfaces.reflectance, material, 3, 0))
+        throughput = times(
+            load3(paths.throughput, i, size, like), reflectance_of(vertices.reflectance, surfaces, material, i, size)
+        )
         o = spawn(load3(vertices.p, i, size, like), ng, load(vertices.offset, i, like))
         state = load(paths.state, i, like) & np.int32(~(DEAD | AS_SHADOW))
         send(paths, i, here, (o, d), throughput, splat(np.inf, like), state)
@@ -129,7 +134,7 @@ def reflect_conductors(paths, n, surfaces, vertices):
         before = load3(paths.rays.d, i, size, like)
         d = mirror_direction(before, ng, ns)
         cosine = half_cosine(before, d)
-        eta, k = vector_of(surfaces.eta, material, 3, 0), vector_of(surfaces.k, material, 3, 0)
+        eta, k = index_of(vertices.reflectance, surfaces, material, i, size)
         share = (
             conductor_reflectance(cosine, eta[0], k[0]),
             conductor_reflectance(cosine, eta[1], k[1]),

@@ -29,6 +29,7 @@ class Vertices(NamedTuple):
     offset: NDArray[np.floating]  # (n,) f, world units: how far along ng a ray must start
     front: NDArray[np.bool_]  # (n,) bool: whether the ray met the front
     material_id: NDArray[np.int32]  # (n,) i4; -1: no surface, or the path has ended
+    reflectance: NDArray[np.floating] | None = None  # (3n,) f: there; None: no reflectance of the scene is a texture
 
 
 class Incident(NamedTuple):
@@ -62,15 +63,28 @@ class Surfaces(NamedTuple):
     reflectance: NDArray[np.floating]  # (k * 3,) f: albedo, or reflectance of a mirror
     emission: NDArray[np.floating]  # (k * 3,) f, W / (sr m2): radiance of the front
     density: NDArray[np.floating]  # (k,) f, 1 / m2: of a point on a lamp of this material, when lights are sampled
-    eta: NDArray[np.floating]  # (k * 3,) f: index of refraction; of a dielectric three times the same
+    eta: NDArray[np.floating]  # (k * 3,) f: index of refraction; of a dielectric three times the same; 0: of a texture
     k: NDArray[np.floating]  # (k * 3,) f: absorption index of a conductor; inf: it reflects everything
     two_sided: NDArray[np.int32]  # (k,) i4: 0 or 1
     transparent_shadow: NDArray[np.int32]  # (k,) i4: 0 or 1
 
 
+<<<<<<< HEAD
 class Order(NamedTuple):
     """Scratch memory for sorting paths."""
 
     keys: NDArray[np.int32]  # (n,) i4: of octant, dominant axis and cell
     numbers: NDArray[np.int32]  # (n,) i4: paths in the order of their keys
     counts: NDArray[np.int32]  # (k,) i4: paths of each key
+=======
+class TextureTable(NamedTuple):
+    """Textures as kernels look them up; see passes/textures.py."""
+
+    reflectance: NDArray[np.int32]  # (k,) i4: row of the texture of each material's reflectance; -1: none
+    emission: NDArray[np.int32]  # (k,) i4: the same for its emission
+    layout: NDArray[np.int32]  # (t * 4,) i4: kind, first texel, width, height
+    scale: NDArray[np.floating]  # (t * 2,) f: factors of u and v
+    texels: NDArray[np.floating]  # (n * 3,) f: linear colours, row after row from the bottom; or two of a checkerboard
+    uv: NDArray[np.floating] | None  # (m * 6,) f: of the corners of triangles; None: no texture needs it
+    colors: NDArray[np.floating] | None  # (m * 9,) f: colours of the corners; None: no texture needs them
+>>>>>>> z/tex

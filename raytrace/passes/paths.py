@@ -19,6 +19,7 @@ from raytrace.accel.vectors import dot, scaled
 from raytrace.jit import inlined, kernel
 from raytrace.passes.sampling import independent_bits, key, mix, path_bits, pixel_key, unit_interval
 from raytrace.passes.surface import load3, numbers_of, point_on, shading_normal, store3, vector_of
+from raytrace.passes.textures import varied
 
 # bits of Paths.state: no surface has scattered yet; the path ends at the next surface; it has ended; since a surface
 # scattered, it has gone straight as its shadow ray did; and so through a surface that shadow rays pass
@@ -125,7 +126,7 @@ def begin_paths(seed, x, y, samples, paths, radiance):
 
 
 @kernel
-def see_lamps(paths, n, shading, surfaces, radiance):
+def see_lamps(paths, n, shading, surfaces, textures, radiance):
     """Add the radiance of the lamps that paths met from their front, weighted by multiple importance."""
     like, size = packet(paths.pdf), len(paths.pdf)
     for i in range(0, n, packet_width(paths.pdf)):
@@ -143,6 +144,9 @@ def see_lamps(paths, n, shading, surfaces, radiance):
         t = load(paths.rays.hits.t, i, like)
         weight = power_heuristic(load(paths.pdf, i, like), density * (t * t) / cosine)
         emission, throughput = vector_of(surfaces.emission, material, 3, 0), load3(paths.throughput, i, size, like)
+        if textures is not None:
+            u, v = load(paths.rays.hits.u, i, like), load(paths.rays.hits.v, i, like)
+            emission = varied(textures, textures.emission, material, prim, u, v, emission)
         value = (
             weight * throughput[0] * emission[0],
             weight * throughput[1] * emission[1],

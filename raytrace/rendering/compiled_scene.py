@@ -77,7 +77,12 @@ def trees_of(scene: Scene, plan: Plan, precision: str, paths: bool = False) -> T
     triangles = 0 if is_compiled(scene, precision) else len(scene.mesh.faces)
     width = 4 if precision == "float32" else 8
     trees = 1 + (1 + paths) * plan.transparent
-    return Trees(triangles, trees, width, plan.refraction, plan.lights > 0, paths)
+    textures = 0
+    if scene.textures is not None and paths:
+        from raytrace.rendering.texture_table import texture_bytes
+
+        textures = texture_bytes(scene, width)
+    return Trees(triangles, trees, width, plan.refraction, plan.lights > 0, paths, textures)
 
 
 def compile_scene(

@@ -8,7 +8,7 @@ import numpy as np
 
 from raytrace.accel import query
 from raytrace.accel.lanes import PACKET
-from raytrace.passes import compaction, lights, materials, paths
+from raytrace.passes import compaction, lights, materials, paths, textures
 from raytrace.passes.camera import camera_rays
 from raytrace.records import (
     CONDUCTOR,
@@ -23,8 +23,18 @@ from raytrace.records import (
     Spots,
 )
 from raytrace.rendering.path_wavefront import PathWavefront
+from raytrace.texture_records import ATTRIBUTE, CHECKERBOARD, Texture, Textures
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]  # a kernel and its arguments
+
+
+class TextureNeeds(NamedTuple):
+    """What of the textures of a scene decides which kernels it needs."""
+
+    reflectance: bool
+    emission: bool
+    uv: bool  # whether images or checkerboards are looked up
+    colors: bool  # whether vertex colours are
 
 
 class PathNeeds(NamedTuple):
@@ -39,6 +49,7 @@ class PathNeeds(NamedTuple):
     lamps: bool
     background: bool
     transparent: bool  # shadow rays pass a surface
+    textures: TextureNeeds | None = None  # None: there are none
 
 
 def path_needs_of(scene: Scene, integrator: str) -> PathNeeds:
@@ -55,7 +66,25 @@ def path_needs_of(scene: Scene, integrator: str) -> PathNeeds:
         emission is not None and bool((emission[used] > 0).any()),
         bool(scene.background.any()),
         bool(scene.materials.transparent_shadow[used].any()),
+        _texture_needs(scene),
     )
+
+
+def _texture_needs(scene: Scene) -> TextureNeeds | None:
+    textures = scene.textures
+    if textures is None:
+        return None
+    kinds = {texture.kind for texture in textures.table}
+    used = bool((textures.reflectance >= 0).any()), bool((textures.emission >= 0).any())
+    return TextureNeeds(*used, kinds != {ATTRIBUTE}, ATTRIBUTE in kinds)
+
+
+def _small_textures(needs: TextureNeeds, n: int) -> Textures:
+    one, none = np.ones((1, 2, 3)), np.zeros((0, 0, 3))
+    kinds = [(CHECKERBOARD, one)] * needs.uv + [(ATTRIBUTE, none)] * needs.colors
+    table = tuple(Texture(kind, codes, None, (1.0, 1.0), np.ones(3)) for kind, codes in kinds)
+    rows = (np.full(n, 0 if used else -1, np.int32) for used in (needs.reflectance, needs.emission))
+    return Textures(table, *rows)
 
 
 def small_scene(needs: PathNeeds, scene: Scene) -> Scene:
@@ -83,9 +112,14 @@ def small_scene(needs: PathNeeds, scene: Scene) -> Scene:
         material_id=np.arange(len(rows), dtype=np.int32),
         object_id=np.zeros(len(rows), np.int32),
     )
+    textures = None
+    if needs.textures is not None:
+        textures, corners = _small_textures(needs.textures, n), np.zeros((len(rows), 3, 3))
+        mesh = mesh._replace(uv=corners[:, :, :2], colors=corners)
     background = np.ones(3) if needs.background else np.zeros(3)
     settings = scene.settings._replace(integrator=needs.integrator)
-    return replace(scene, materials=table, lights=sources, mesh=mesh, background=background, settings=settings)
+    made = replace(scene, materials=table, lights=sources, mesh=mesh, background=background, settings=settings)
+    return replace(made, textures=textures)
 
 
 def path_tracing(front: PathWavefront, rays: Rays) -> Iterator[Call]:
@@ -98,12 +132,14 @@ def path_tracing(front: PathWavefront, rays: Rays) -> Iterator[Call]:
     yield camera_rays, (front.view, front.sampler, pixels, pixels, numbers, here.rays.d)
     yield paths.begin_paths, (front.sampler.seed, pixels, pixels, numbers, here, front.radiance)
     if scene.lamps:
-        yield paths.see_lamps, (here, 0, scene.shading, scene.surfaces, front.radiance)
+        yield paths.see_lamps, (here, 0, scene.shading, scene.surfaces, scene.lamp_textures, front.radiance)
     if scene.environment is not None:
         yield paths.see_environment, (here, 0, scene.environment, front.radiance)
     elif scene.background is not None:
         yield paths.see_background, (here, 0, scene.background, front.radiance)
     yield paths.meet_surfaces, (here, 0, scene.shading, scene.normals, vertices)
+    if scene.textures is not None:
+        yield textures.look_up_reflectance, (here, 0, scene.textures, scene.surfaces, vertices)
     if front.samples_lights:
         yield from _light_calls(front)
         yield compaction.pack_shadow_rays, (incident, 0, front.grid, front.order, front.others)
@@ -117,7 +153,8 @@ def _light_calls(front: PathWavefront) -> Iterator[Call]:
     table, kinds = scene.lights, scene.light_kinds
     yield lights.pick_lights, (front.sampler, here, 0, 1, table, scene.surfaces, vertices, incident)
     if lights.TRIANGLE in kinds:
-        yield lights.sample_triangles, (front.sampler, here, 0, 1, table, scene.shading, vertices, incident)
+        lamps = scene.shading, scene.lamp_textures
+        yield lights.sample_triangles, (front.sampler, here, 0, 1, table, *lamps, vertices, incident)
     if lights.POINT in kinds:
         yield lights.sample_points, (here, 0, table, vertices, incident)
     if lights.SPOT in kinds:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from raytrace.accel import query
 from raytrace.accel.bvh import BVH
 from raytrace.accel.lanes import PACKET
-from raytrace.passes import compaction, lights, materials, paths
+from raytrace.passes import compaction, lights, materials, paths, textures
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.columns import BATCH_COLUMNS, ColumnMemory, shortened_record
 from raytrace.passes.film import accumulate
@@ -41,12 +41,12 @@ class PathWavefront:
         self.work = scene.bvh.work()
         trees = (scene.shadow_bvh, scene.passed_bvh)
         self.shadow_work = {id(bvh): bvh.work() for bvh in trees if bvh is not None}
-        memory = ColumnMemory(2 * PATH_COLUMNS + VERTEX_COLUMNS + INCIDENT_COLUMNS + 5, n, dtype)
+        textured = scene.textures is not None
+        memory = ColumnMemory(2 * PATH_COLUMNS + VERTEX_COLUMNS + INCIDENT_COLUMNS + 5 + 3 * textured, n, dtype)
         ng = memory.take(3)
         ns = memory.take(3) if scene.normals is not None else ng
-        vertices = Vertices(
-            memory.take(3), ng, ns, memory.take(), memory.take(dtype=np.bool_), memory.take(dtype=np.int32)
-        )
+        place = memory.take(3), ng, ns, memory.take(), memory.take(dtype=np.bool_), memory.take(dtype=np.int32)
+        vertices = Vertices(*place, memory.take(3) if textured else None)
         incident = _incident(memory) if scene.lights is not None else None
         self._records = [_paths(memory), _paths(memory), vertices, *([] if incident is None else [incident])]
         self._radiance = memory.take(3)
@@ -90,6 +90,9 @@ class PathWavefront:
             self._see(here, n, depth)
             paths.meet_surfaces(here, n, scene.shading, scene.normals, self.vertices)
             self._lap("surface")
+            if scene.textures is not None:
+                textures.look_up_reflectance(here, n, scene.textures, scene.surfaces, self.vertices)
+                self._lap("texture")
             if self.samples_lights:
                 self._pick_lights(here, n, depth)
                 self._lap("light")
@@ -113,7 +116,7 @@ class PathWavefront:
         """Add what paths see where they arrive."""
         scene = self.scene
         if scene.lamps:
-            paths.see_lamps(here, n, scene.shading, scene.surfaces, self.radiance)
+            paths.see_lamps(here, n, scene.shading, scene.surfaces, scene.lamp_textures, self.radiance)
         if scene.environment is not None:
             paths.see_environment(here, n, scene.environment, self.radiance)
         if self.finds_light:
@@ -127,7 +130,8 @@ class PathWavefront:
         paths_, vertices, incident = here, self.vertices, self.incident
         lights.pick_lights(self.sampler, paths_, n, depth, table, scene.surfaces, vertices, incident)
         if lights.TRIANGLE in kinds:
-            lights.sample_triangles(self.sampler, paths_, n, depth, table, scene.shading, vertices, incident)
+            lamps = scene.shading, scene.lamp_textures
+            lights.sample_triangles(self.sampler, paths_, n, depth, table, *lamps, vertices, incident)
         if lights.POINT in kinds:
             lights.sample_points(paths_, n, table, vertices, incident)
         if lights.SPOT in kinds:

@@ -186,7 +186,12 @@ def _layers_of(scene: Scene, bvh: BVH, hits: Hits) -> dict[str, NDArray[Any]]:
         n0, n1, n2 = (scene.mesh.normals[prim_id, k] for k in range(3))
         normal = (1 - u - v) * n0 + u * n1 + v * n2
         normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-    albedo = scene.materials.albedo[scene.mesh.material_id[prim_id]]
+    if scene.textures is None:
+        albedo = scene.materials.albedo[scene.mesh.material_id[prim_id]]
+    else:
+        from raytrace.rendering.albedo_layer import albedo_at
+
+        albedo = albedo_at(scene, prim_id, np.where(missed[:, 0], 0, hits.u), np.where(missed[:, 0], 0, hits.v))
     return {
         "depth": hits.t.astype(np.float32),
         "normal": np.where(missed, 0, normal).astype(np.float32),

@@ -12,6 +12,7 @@ from raytrace.limits import MAX_TRIANGLES
 from raytrace.memory import Allowance, Joining
 from raytrace.records import Camera, RawMesh, Scene, Settings
 from raytrace.scene import checks
+from raytrace.scene.attributes import NOTHING, UV, check_attributes, needed, wanted_of
 from raytrace.scene.files import Reach
 from raytrace.scene.joining import MeshWarning, join
 from raytrace.scene.meshes.given import MARK, read_given
@@ -45,39 +46,37 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
     SceneError, FileError
         What is wrong with meshes.
     """
-    shapes = _Shapes(scene, reach, text.meshes)
+    needs = needed(data)
+    shapes = _Shapes(scene, reach, text.meshes, needs)
     shapes.place_all()
-    if shapes.problems:
-        raise text.error(shapes.problems, origins)
+    read = _read_textures(scene, reach) if needs else None
+    if problems := shapes.problems + (read.problems if read else []):
+        raise text.error(problems, origins)
     mesh, mesh_warnings = join(shapes.placed)
+    materials, textures, warnings = materials_of(scene), None, checks.warn(data)
+    if read is not None:
+        read = read.finished(scene.materials, materials, mesh)
+        if read.problems:
+            raise text.error(read.problems, origins)
+        materials, textures, warnings = read.means, read.textures, warnings + read.warnings
     names = _names(scene)
-    warnings = checks.warn(data)
     for i, what in shapes.warnings + mesh_warnings:
         warnings.append(Problem(("objects", i, shape_of(scene.objects[i])), f"{names[i]}: {what}"))
     view = scene.camera
     camera = Camera(np.array(view.position), np.array(view.look_at), np.array(view.up), view.fov)
     background = np.array(scene.background)
-    materials = materials_of(scene)
-    render = scene.render
     made = Scene(
         source=path,
         about=scene.about,
         camera=camera,
-        settings=Settings(
-            scene.film.size,
-            render.spp,
-            render.max_depth,
-            render.sampler,
-            render.precision,
-            render.seed,
-            render.integrator,
-        ),
+        settings=_settings(scene.film, scene.render),
         background=background,
         materials=materials,
         lights=lights_of(scene),
         mesh=mesh,
         objects=names,
         warnings=(),
+        textures=textures,
     )
     if made.refractive:
         from raytrace.scene.coincident import MOST_PAIRS, chosen_coincidences
@@ -85,6 +84,25 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
         for found in chosen_coincidences(made)[:MOST_PAIRS]:
             warnings.append(Problem(("objects", found.first), found.text(names)))
     return replace(made, warnings=text.warn(warnings, origins)) if warnings else made
+
+
+def _settings(film: Any, render: Any) -> Settings:
+    return Settings(
+        film.size,
+        render.spp,
+        render.max_depth,
+        render.sampler,
+        render.precision,
+        render.seed,
+        render.integrator,
+    )
+
+
+def _read_textures(scene: Any, reach: Reach) -> Any:
+    """Read the textures of a scene that has some."""
+    from raytrace.scene.textures import read_textures
+
+    return read_textures(scene.materials, (entry.material for entry in scene.objects), reach)
 
 
 class _Shapes:
@@ -96,13 +114,16 @@ class _Shapes:
     reach : Reach
     given : mapping
         Name -> mesh that a program gives in memory.
+    needs : dict of str
+        Name of a material -> attributes that it needs.
     """
 
-    def __init__(self, scene: Any, reach: Reach, given: Mapping[str, Any]) -> None:
+    def __init__(self, scene: Any, reach: Reach, given: Mapping[str, Any], needs: dict[str, set[str]]) -> None:
         self.placed: list[PlacedMesh] = []
         self.problems: list[Problem] = []
         self.warnings: list[MeshWarning] = []
         self._scene, self._reach, self._given = scene, reach, given
+        self._needs, self._wanted = needs, wanted_of(scene.objects, needs)
         self._made: dict[Any, RawMesh | None] = {}
         self._allowance, self._joining = Allowance(reach.max_memory), Joining()
 
@@ -115,6 +136,8 @@ class _Shapes:
             try:
                 raw = self._mesh(i, entry) if entry.mesh is not None else self._shape(entry)
                 if raw is not None:
+                    if needs := self._needs.get(entry.material):
+                        check_attributes(raw, needs, _name(entry), entry.material)
                     self.placed.append(place(raw, entry, rows[entry.material]))
             except _TooLargeError as error:  # more objects would not make it smaller
                 self.problems.append(shape_problem(i, shape_of(entry), error))
@@ -127,19 +150,20 @@ class _Shapes:
     def _mesh(self, i: int, entry: Any) -> RawMesh | None:
         """Read the mesh of an object; None if it was read before, and is broken."""
         name = entry.mesh
+        wanted = self._wanted.get(name, NOTHING)
         if name not in self._made:
             self._made[name] = None  # a broken file is reported once
             if name in self._given:
-                self._made[name] = read_given(self._given[name])
+                self._made[name] = read_given(self._given[name], wanted)
             else:
-                mesh = read_mesh(self._reach.find(name), self._allowance, self._reach.around(name))
+                mesh = read_mesh(self._reach.find(name), self._allowance, self._reach.around(name), wanted)
                 self._made[name] = mesh
                 self._allowance.left -= mesh.nbytes
                 self.warnings += [MeshWarning(i, text) for text in mesh.warnings]
         raw = self._made[name]
         if raw is not None:
             smoothness = 0 if entry.normals == "flat" else 1 if raw.normals is not None else 2
-            self._joining = self._joining.with_object(len(raw.faces), len(raw.vertices), smoothness)
+            self._joining = self._joining.with_object(len(raw.faces), len(raw.vertices), smoothness, wanted)
             _afford(self._joining, self._allowance)
         return raw
 
@@ -147,12 +171,14 @@ class _Shapes:
         """Make the sphere, rectangle or box of an object, unless one like it was made before."""
         size = shape_size(entry)
         smoothness = 0 if entry.normals == "flat" else 1 if entry.sphere is not None else 2
-        self._joining = self._joining.with_object(size.triangles, size.vertices, smoothness)
-        key = sphere_frequency(entry.sphere.tolerance) if entry.sphere is not None else shape_of(entry)
+        wanted = frozenset(self._needs.get(entry.material, ())) & {UV}
+        self._joining = self._joining.with_object(size.triangles, size.vertices, smoothness, wanted)
+        key: Any = sphere_frequency(entry.sphere.tolerance) if entry.sphere is not None else shape_of(entry)
+        key = (key, wanted)
         made = self._made.get(key)
-        _afford(self._joining, self._allowance, 0.0 if made else size.making())
+        _afford(self._joining, self._allowance, 0.0 if made else size.making(bool(wanted)))
         if made is None:
-            self._made[key] = made = make_shape(entry)
+            self._made[key] = made = make_shape(entry, bool(wanted))
             self._allowance.left -= made.nbytes
         return made
 
@@ -171,6 +197,11 @@ def _afford(joining: Joining, allowance: Allowance, making: float = 0.0) -> None
         raise _TooLargeError(f"with this object there are {joining.triangles:,} triangles; at most {MAX_TRIANGLES:,}")
     if lacks := allowance.lacks(joining.total() + making, "simplify the meshes, or use fewer objects"):
         raise _TooMuchMemoryError(f"memory: the scene, of {joining.triangles:,} triangles with this object, {lacks}")
+
+
+def _name(entry: Any) -> str:
+    """Return what a message calls the shape of an object."""
+    return entry.mesh.replace(MARK, "") if entry.mesh is not None else shape_of(entry)
 
 
 def _names(scene: Any) -> tuple[str, ...]:

@@ -47,4 +47,5 @@ def check_materials(data: dict[str, Any]) -> Iterator[Problem]:
 
 def emits(material: dict[str, Any]) -> bool:
     """Whether a material of a valid scene emits light."""
-    return any(material.get("emission") or ())
+    emission = material.get("emission")
+    return isinstance(emission, dict) or any(emission or ())

@@ -10,6 +10,7 @@ from itertools import chain, islice
 from typing import TYPE_CHECKING, Any
 
 from raytrace.scene.check_light import check_lights, check_materials, emits
+from raytrace.scene.check_textures import check_textures
 from raytrace.scene.positions import Path
 from raytrace.scene.problems import HINTED, MAX_PROBLEMS, Problem, unknown_name
 
@@ -84,7 +85,7 @@ def check(data: dict[str, Any]) -> list[Problem]:
     list of Problem
     """
     problems = list(_check_camera(data.get("camera")))
-    problems += islice(chain(check_lights(data), check_materials(data)), MAX_PROBLEMS)
+    problems += islice(chain(check_lights(data), check_materials(data), check_textures(data)), MAX_PROBLEMS)
     materials = data.get("materials")
     objects = data.get("objects")
     for i, entry in enumerate(objects if isinstance(objects, list) else []):

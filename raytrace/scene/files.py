@@ -13,6 +13,7 @@ from raytrace.scene.problems import no_such_file
 
 FORMATS = ".obj", ".ply", ".stl", ".glb", ".gltf"  # read by our own readers
 OTHERS = ".off", ".3mf", ".dae", ".zae", ".xaml", ".3dxml", ".ctm", ".stp", ".step"  # read by trimesh
+IMAGES = ".png", ".jpg", ".jpeg", ".exr"  # of textures
 URI = re.compile(r"(?i)(file|data):|[a-z][a-z0-9+.-]+:/")  # a scheme of one letter is a drive   [RFC3986, 3.1]
 ALLOW = "move it there, or allow a folder: --root DIR, in Python load(..., root=DIR)"
 
@@ -97,16 +98,36 @@ def locate(path: Path) -> None:
     FileError
         There is no such file, or it is a directory, a pipe or a device, or too large.
     """
+    check_file(path, "a mesh file")
+    if format_of(path) not in FORMATS + OTHERS:
+        known = ", ".join(FORMATS + OTHERS)
+        raise SceneError([f"{path}: not a known mesh format (known: {known}, plain or with .gz)"])
+    if path.stat().st_size > MAX_MESH:
+        raise FileError(f"{path}: more than {MAX_MESH} bytes; split it or simplify it")
+
+
+def locate_image(path: Path) -> None:
+    """Check that a path leads to an image file of a known format, without reading it.
+
+    Raises
+    ------
+    SceneError
+        Its format is none of those that can be read.
+    FileError
+        There is no such file, or it is a directory, a pipe or a device.
+    """
+    check_file(path, "an image")
+    if path.suffix.lower() not in IMAGES:
+        raise SceneError([f"{path}: not a known format of textures (known: {', '.join(IMAGES)})"])
+
+
+def check_file(path: Path, what: str) -> None:
+    """Raise a FileError for a path that leads to no regular file; what: the expected kind, such as "a mesh file"."""
     try:
-        check_regular(path, "a mesh file")
+        check_regular(path, what)
     except FileError:
         raise
     except (FileNotFoundError, NotADirectoryError):
         raise FileError(no_such_file(path)) from None
     except OSError as error:
         raise FileError(f"{path}: can't be read: {error.strerror or error}") from None
-    if format_of(path) not in FORMATS + OTHERS:
-        known = ", ".join(FORMATS + OTHERS)
-        raise SceneError([f"{path}: not a known mesh format (known: {known}, plain or with .gz)"])
-    if path.stat().st_size > MAX_MESH:
-        raise FileError(f"{path}: more than {MAX_MESH} bytes; split it or simplify it")

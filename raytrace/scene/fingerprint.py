@@ -12,7 +12,7 @@ LEFT_OUT = "Materials.name", "Mesh.object_id"
 
 
 def fingerprint(scene: "Scene") -> str:
-    """Return the SHA-256 of camera, depth, background, materials, lights and meshes, in hexadecimal digits."""
+    """Return the SHA-256 of camera, depth, background, materials, textures, lights and meshes, hexadecimal."""
     camera, digest = scene.camera, hashlib.sha256()
     content = {"fov": camera.fov, "max_depth": scene.settings.max_depth, "background": scene.background}
     content |= {"position": camera.position, "look_at": camera.look_at, "up": camera.up}
@@ -21,6 +21,10 @@ def fingerprint(scene: "Scene") -> str:
     others = [record for record in (scene.lights.spots, scene.lights.directions) if record is not None]
     for record in (scene.materials, scene.lights, scene.mesh, *others):
         content |= {f"{type(record).__name__}.{key}": value for key, value in record._asdict().items()}
+    if scene.textures is not None:
+        records = {"Textures": scene.textures} | {f"Texture{i}": each for i, each in enumerate(scene.textures.table)}
+        content |= {f"{name}.{key}": value for name, each in records.items() for key, value in each._asdict().items()}
+        content |= {f"Texture{i}.scale": np.array(each.scale) for i, each in enumerate(scene.textures.table)}
     for key, value in content.items():
         if key not in LEFT_OUT and value is not None and not isinstance(value, tuple):
             array = np.ascontiguousarray(value)

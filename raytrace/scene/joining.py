@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.records import Mesh
+from raytrace.scene.meshes.raw_mesh import join_corners
 from raytrace.scene.normals import face_normals, shading_normals
 from raytrace.scene.transforms import PlacedMesh
 
@@ -54,11 +55,14 @@ def join(objects: list[PlacedMesh]) -> JoinedMesh:
         faces.append(placed.mesh.faces + before)
         before += len(placed.mesh.vertices)
     counts = [len(part) for part in faces]
+    uv, colors = (join_corners([getattr(placed.mesh, key) for placed in objects], counts) for key in ("uv", "colors"))
     mesh = Mesh(
         vertices=np.concatenate([placed.mesh.vertices for placed in objects]),
         faces=np.ascontiguousarray(np.concatenate(faces)),
         normals=np.ascontiguousarray(np.concatenate(normals)) if any_smooth else None,
         material_id=np.repeat(np.array([placed.material_id for placed in objects], np.int32), counts),
         object_id=np.repeat(np.arange(len(objects), dtype=np.int32), counts),
+        uv=uv,
+        colors=colors,
     )
     return JoinedMesh(mesh, warnings)

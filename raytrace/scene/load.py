@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from raytrace.errors import FileError, SceneError
 from raytrace.scene import checks, positions, rdr
-from raytrace.scene.files import Reach, check_root, locate
+from raytrace.scene.check_textures import textures_in
+from raytrace.scene.files import Reach, check_root, locate, locate_image
 from raytrace.scene.format import read_format
-from raytrace.scene.problems import MAX_PROBLEMS, Problem, shape_problem
+from raytrace.scene.problems import MAX_PROBLEMS, Problem, file_problem, shape_problem
 from raytrace.scene.text import from_dict, read_file
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ def load(source: str | Path | dict[str, Any], root: str | Path | None = None, ma
         found = [problem for problem in found if not problem.text.startswith("missing key")]
     problems += found + checks.check(data)
     if scene is None or problems:
-        raise text.error(problems + _missing_meshes(data, reach, text.meshes), origins)
+        raise text.error(problems + _missing_meshes(data, reach, text.meshes) + _missing_images(data, reach), origins)
     from raytrace.scene.assemble import assemble
 
     return assemble(scene, data, path, text, origins, reach)
@@ -98,4 +99,19 @@ def _missing_meshes(data: dict[str, Any], reach: Reach, given: Mapping[str, Any]
                 locate(reach.find(mesh))
             except (SceneError, FileError) as error:
                 problems.append(shape_problem(i, "mesh", error))
+    return problems
+
+
+def _missing_images(data: dict[str, Any], reach: Reach) -> list[Problem]:
+    """Find images of textures that do not exist, for a scene that has other problems."""
+    problems = list[Problem]()
+    located: set[str] = set()
+    for path, texture in textures_in(data):
+        name = texture.get("image")
+        if isinstance(name, str) and name and name not in located and len(problems) <= MAX_PROBLEMS:
+            located.add(name)
+            try:
+                locate_image(reach.find(name))
+            except (SceneError, FileError) as error:
+                problems.append(file_problem((*path, "image"), error))
     return problems

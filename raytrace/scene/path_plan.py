@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.records import CONDUCTOR, DIELECTRIC, DIFFUSE, MIRROR, REFRACTIVE, Scene
+from raytrace.texture_records import ATTRIBUTE, BILINEAR, CHECKERBOARD, NEAREST
 
 NAMES = {
     DIFFUSE: "diffuse",
@@ -17,7 +18,7 @@ NAMES = {
 def needs_paths(scene: Scene, integrator: str) -> bool:
     """Whether a scene needs the passes of path tracing, with this integrator."""
     lights = scene.lights
-    others = (scene.materials.emission, lights.spots, lights.directions, lights.environment)
+    others = (scene.materials.emission, lights.spots, lights.directions, lights.environment, scene.textures)
     kinds = scene.materials.kind[_used(scene)]
     simple = bool(((kinds == DIFFUSE) | (kinds == REFRACTIVE)).all())
     return integrator == "path" or not simple or any(other is not None for other in others)
@@ -60,6 +61,8 @@ def path_passes(scene: Scene) -> tuple[tuple[str, str], ...]:
     if scene.background.any() and scene.lights.environment is None:
         rows.append(("background", "seen through perfectly specular surfaces only"))
     rows.append(("surface", "points and normals where paths meet surfaces"))
+    if scene.textures is not None and (scene.textures.reflectance >= 0).any():
+        rows.append(("texture", f"the reflectance there, of {texture_words(scene)}"))
     if DIFFUSE in kinds and _lit(scene):
         rows.append(("light", "one light per surface that scatters, drawn by its power, and a point on it"))
         rows.append(("shadow", "one ray per surface that scatters, to that point"))
@@ -88,8 +91,37 @@ def path_left_out(scene: Scene) -> tuple[tuple[str, str], ...]:
         *((f"{name} pass", f"no surface is {name}", kind in kinds) for kind, name in NAMES.items()),
         ("indirect light", 'the integrator is "direct"', scene.settings.integrator == "path"),
         ("normal interpolation", "all meshes are flat", scene.mesh.normals is not None),
+        *_textures_left_out(scene),
         ("layers (AOVs)", "stored only when asked for", False),
     ]
     if scene.materials.transparent_shadow[_used(scene)].any():
         rows.append(("bending of shadow rays", 'a material has "shadows": "transparent", which is not physical', False))
     return tuple((what, why) for what, why, needed in rows if not needed)
+
+
+def texture_words(scene: Scene) -> str:
+    """The textures of a scene in words."""
+    assert scene.textures is not None
+    kinds = [texture.kind for texture in scene.textures.table]
+    words = {
+        "image": kinds.count(BILINEAR) + kinds.count(NEAREST),
+        "checkerboard": kinds.count(CHECKERBOARD),
+        "material with vertex colours": kinds.count(ATTRIBUTE),
+    }
+    texels = sum(texture.codes.size // 3 for texture in scene.textures.table if texture.kind in (BILINEAR, NEAREST))
+    counted = {noun: number for noun, number in words.items() if number}
+    plural = {"material with vertex colours": "materials with vertex colours"}
+    found = [f"{number} {noun if number == 1 else plural.get(noun, noun + 's')}" for noun, number in counted.items()]
+    return ", ".join(found) + (f"; {texels:,} texels" if texels else "")
+
+
+def _textures_left_out(scene: Scene) -> tuple[tuple[str, str, bool], ...]:
+    if scene.textures is None:
+        return (("textures", "no material has one", False),)
+    kinds = {texture.kind for texture in scene.textures.table}
+    return (
+        ("texture pass", "no albedo or reflectance is a texture", bool((scene.textures.reflectance >= 0).any())),
+        ("textures of lamps", "no emission is a texture", bool((scene.textures.emission >= 0).any())),
+        ("images and checkerboards", "all textures are vertex colours", kinds != {ATTRIBUTE}),
+        ("vertex colours", "no texture looks them up", ATTRIBUTE in kinds),
+    )

@@ -32,8 +32,13 @@ class Problem(NamedTuple):
 
 def shape_problem(index: int, key: str, error: SceneError | FileError) -> Problem:
     """Return what is wrong with the shape of an object; key: mesh, sphere, rectangle or box."""
+    return file_problem(("objects", index, key), error)
+
+
+def file_problem(path: Path, error: Exception) -> Problem:
+    """Return what is wrong with a file that a scene names."""
     memory = isinstance(error, FileMemoryError)
-    return Problem(("objects", index, key), str(error), unreadable=isinstance(error, FileError), lacks_memory=memory)
+    return Problem(path, str(error), unreadable=isinstance(error, FileError), lacks_memory=memory)
 
 
 def quote(value: Any) -> str:

@@ -17,15 +17,18 @@ FLATNESS = 0.87  # of the sphere of frequency n: its triangles leave the sphere 
 MAKING = 64  # bytes per triangle that making a sphere takes at most, the sphere included
 
 
+MAKING_UV = 120  # more bytes per triangle with uv
+
+
 class ShapeSize(NamedTuple):
     """Numbers of a shape that are known before it is made."""
 
     triangles: int
     vertices: int
 
-    def making(self) -> float:
+    def making(self, uv: bool = False) -> float:
         """Bytes that making the shape takes at most."""
-        return float(MAKING * self.triangles)
+        return float((MAKING + MAKING_UV * uv) * self.triangles)
 
 
 def shape_of(entry: Any) -> str:
@@ -63,11 +66,18 @@ def shape_size(entry: Any) -> ShapeSize:
     return ShapeSize(2, 4) if entry.rectangle is not None else ShapeSize(12, 8)
 
 
-def make_shape(entry: Any) -> RawMesh:
-    """Return the triangles of a shape in its own space; a sphere is the unit sphere about the origin."""
+def make_shape(entry: Any, uv: bool = False) -> RawMesh:
+    """Return the triangles of a shape in its own space, with uv on request; a sphere is the unit sphere."""
     if entry.sphere is not None:
-        return unit_sphere(sphere_frequency(entry.sphere.tolerance))
-    return rectangle() if entry.rectangle is not None else box()
+        mesh = unit_sphere(sphere_frequency(entry.sphere.tolerance))
+    else:
+        mesh = rectangle() if entry.rectangle is not None else box()
+    if not uv:
+        return mesh
+    from raytrace.scene import shape_uv
+
+    make = {"sphere": shape_uv.sphere_uv, "rectangle": shape_uv.rectangle_uv, "box": shape_uv.box_uv}[shape_of(entry)]
+    return mesh._replace(uv=make(mesh))
 
 
 def rectangle() -> RawMesh:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -30,9 +31,9 @@ KINDS = {
 
 
 def materials_of(scene: Any) -> Materials:
-    """Table of the materials of a valid scene."""
+    """Table of the materials of a valid scene; where there are textures, without their means."""
     kinds = list(scene.materials.values())
-    emission = [getattr(m, "emission", None) or (0.0, 0.0, 0.0) for m in kinds]
+    emission = [_numbers(getattr(m, "emission", None), 0.0) for m in kinds]
     index = [_index(m) for m in kinds] if any(m.type == "conductor" for m in kinds) else None
     return Materials(
         name=tuple(scene.materials),
@@ -49,23 +50,30 @@ def materials_of(scene: Any) -> Materials:
 
 def _reflectance(material: Any) -> tuple[float, ...]:
     """Share of the light that a material reflects at normal incidence; 1 where that depends on the side."""
-    if material.type == "conductor":
+    if material.type == "conductor" and not isinstance(material.reflectance, SimpleNamespace):
         eta, k = (np.array(values) for values in _index(material))
         with np.errstate(invalid="ignore"):
             share = ((eta - 1) ** 2 + k**2) / ((eta + 1) ** 2 + k**2)
         return tuple(np.where(np.isinf(k), 1.0, share).tolist())
-    return tuple(getattr(material, "albedo", None) or getattr(material, "reflectance", None) or (1.0, 1.0, 1.0))
+    return _numbers(getattr(material, "albedo", None) or getattr(material, "reflectance", None), 1.0)
+
+
+def _numbers(value: Any, default: float) -> tuple[float, ...]:
+    """Three numbers; the default where there are none, or a texture."""
+    return (default,) * 3 if value is None or isinstance(value, SimpleNamespace) else tuple(value)
 
 
 def _index(material: Any) -> tuple[Sequence[float], Sequence[float]]:
     """Index of refraction and absorption index of a conductor; 1 and 0 for another material.
 
-    A reflectance r at normal incidence is that of eta = 1 and k = 2 sqrt(r / (1 - r)).
+    A reflectance r at normal incidence is that of eta = 1 and k = 2 sqrt(r / (1 - r)). Where it is a texture, eta is 0.
     """
     if material.type != "conductor":
         return (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
     if material.metal is not None:
         return INDEX[material.metal]
+    if isinstance(material.reflectance, SimpleNamespace):
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     if material.reflectance is not None:
         k = [2 * math.sqrt(r / (1 - r)) if r < 1 else math.inf for r in material.reflectance]
         return (1.0, 1.0, 1.0), k

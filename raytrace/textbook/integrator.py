@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.errors import OptionError
 from raytrace.records import REFRACTIVE, Hits, Scene
 from raytrace.scene.load import load
 from raytrace.textbook.camera import pinhole_rays, stratified
@@ -30,7 +31,14 @@ def integrate(scene: Scene, tree: Tree, blockers: Tree | None, o: F8, d: F8) -> 
         All triangles, and those that block shadow rays. None: no triangle blocks them.
     o, d : (n, 3) arrays
         Origins and unit directions.
+
+    Raises
+    ------
+    OptionError
+        The scene has textures.
     """
+    if scene.textures is not None:
+        raise OptionError("raytrace.textbook does not have textures; use raytrace.render")
     radiance = np.zeros_like(o)  # stays 0 for a path of max_depth interfaces
     path = np.arange(len(o))  # rows of the active rays in radiance
     for _ in range(scene.settings.max_depth):

@@ -135,6 +135,7 @@ def refuse(scene: Scene) -> None:
         "spot lights": scene.lights.spots is not None,
         "directional lights": scene.lights.directions is not None,
         "environments": scene.lights.environment is not None,
+        "textures": scene.textures is not None,
     }
     for what, found in lacking.items():
         if found:

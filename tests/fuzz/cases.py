@@ -8,6 +8,7 @@ from typing import Any
 import images
 import mutations
 import seeds
+import textures
 from mill import DIFFERENT, DONE, FILE, TRIANGLE, Case
 
 SIZE = ["--size", "8x8", "--spp", "2", "--threads", "1", "--precision", "float64", "--quiet"]
@@ -78,3 +79,14 @@ def picture(seed: int, k: int, name: str = "") -> Case:
     other = name if name in right else f"a{name[-4:]}"
     files = {f"wrong-{name}": data, f"right-{other}": right[other]}
     return Case(files, ["compare", *files], f"picture {seed} {k}", codes=(DONE, FILE, DIFFERENT))
+
+
+@cache
+def texture_files() -> dict[str, bytes]:
+    """Textures that are right, and some that are refused."""
+    return textures.files()
+
+
+def texture(seed: int, k: int) -> Case:
+    """A mutated texture of a lamp, compared with a second decoder."""
+    return textures.texture(seed, k, texture_files())

@@ -1,4 +1,4 @@
-"""Run cases by the thousand: ``PYTHONPATH=. python tests/fuzz/run.py scenes``, or ``meshes``, or ``pictures``."""
+"""Run cases by the thousand: ``PYTHONPATH=. python tests/fuzz/run.py scenes``, or meshes, pictures, textures, lies."""
 
 import argparse
 import sys
@@ -34,7 +34,7 @@ def structured(count: int, seed: int, grind: Callable[[Case], object]) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["scenes", "meshes", "pictures", "lies"])
+    parser.add_argument("what", choices=["scenes", "meshes", "pictures", "textures", "lies"])
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="folder for the cases that show a fault")
@@ -66,6 +66,7 @@ def main() -> int:
             "scenes": cases.scene_bytes,
             "meshes": cases.mesh,
             "pictures": cases.picture,
+            "textures": cases.texture,
         }
         for k in range(args.count - done):
             grind(make[args.what](args.seed, k))

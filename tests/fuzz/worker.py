@@ -10,13 +10,16 @@ import json
 import os
 import resource
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
 REACH = 1e4  # world units: up to where the slow way is right
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests"), str(ROOT / "tests/fuzz")]
+
+import textures  # noqa: E402
 
 
 def status(key: str) -> int:
@@ -51,6 +54,8 @@ def right(words: list[str]) -> str:
     import naive_sampling
     import raytrace as rt
 
+    if words[0] == textures.SCENE:
+        return textures.right(words)
     scene = rt.load(words[0])
     path = words[words.index("-o") + 1]
     rgb = rt.image.files.load(path).rgb
@@ -85,7 +90,13 @@ def warm() -> None:
     rt.compare(box, box)
     with contextlib.suppress(ImportError):
         import OpenEXR  # noqa: F401
-        import PIL.Image  # noqa: F401
+        import PIL.Image
+        import PIL.ImageCms
+        import PIL.JpegImagePlugin  # noqa: F401
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "wide.png")
+        path.write_bytes(textures.wide_pngs()["wide2.png"])
+        rt.render(textures.scene_of(path, None), threads=1)
 
 
 def main() -> None:

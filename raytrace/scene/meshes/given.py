@@ -7,6 +7,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from raytrace.errors import SceneError
+from raytrace.scene.attributes import NOTHING, Wanted
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -54,13 +55,15 @@ def take_meshes(scene: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     return ({**scene, "objects": objects} if meshes else scene), meshes
 
 
-def read_given(mesh: Any) -> "RawMesh":
+def read_given(mesh: Any, wanted: Wanted = NOTHING) -> "RawMesh":
     """Check a mesh, and return its triangles.
 
     Parameters
     ----------
     mesh : object or (vertices, faces)
         An object with both as attributes, such as a ``trimesh.Trimesh``, or a pair of arrays (v, 3) and (m, 3).
+    wanted : set of {"uv", "color"}, optional
+        Attributes that are read too, where it has them in ``visual``, as a ``trimesh.Trimesh`` may.
 
     Returns
     -------
@@ -97,11 +100,17 @@ def read_given(mesh: Any) -> "RawMesh":
         text = f"row {row} is {rows[row].tolist()}, but there are {len(points)} vertices, numbered from 0"
         raise SceneError([f"faces: {text}"])
     rows, finite = rows.astype(np.int64, copy=False), np.asarray(np.isfinite(points).all(axis=1))
+    raw = RawMesh(points, rows, None, None)
+    if wanted and hasattr(mesh, "visual"):
+        from raytrace.scene.meshes.visual import with_visual
+
+        raw = with_visual(raw, mesh, wanted)
     if not finite.all():
         if (bad := rows[~finite[rows]]).size:
             raise SceneError([f"vertices: row {bad[0]} is not finite: {points[bad[0]].tolist()}"])
-        points, rows = points[finite], (np.cumsum(finite) - 1)[rows]  # no triangle uses the others
-    return RawMesh(points, rows, None, None)
+        # no triangle uses the others
+        raw = raw._replace(vertices=points[finite], faces=(np.cumsum(finite) - 1)[rows])
+    return raw
 
 
 def _array(name: str, value: Any, kinds: str) -> "NDArray[Any]":

@@ -2,7 +2,8 @@
 
 This is our own reader, because the sizes that a file states may be wrong: each count is compared with the bytes that
 exist before memory is allocated, nodes must be a tree, and only ``other`` reads other files. Nodes, instances, morph
-targets and skins are applied. Materials, animations, lines and points are skipped.
+targets and skins are applied. Materials, animations, lines and points are skipped; texture coordinates and colours are
+read where a scene needs them.
 """
 
 import json
@@ -14,8 +15,10 @@ from numpy.typing import NDArray
 
 from raytrace.limits import MAX_TRIANGLES
 from raytrace.records import RawMesh
+from raytrace.scene.attributes import NOTHING, Wanted
 from raytrace.scene.meshes.errors import TooLargeError, TooManyTrianglesError, UnsupportedError
 from raytrace.scene.meshes.glb_accessors import BYTE, FLOAT, INDEX, SHORT, UBYTE, USHORT, Accessors
+from raytrace.scene.meshes.glb_corners import with_attributes
 from raytrace.scene.meshes.glb_deform import Skins, distinct, morph
 from raytrace.scene.meshes.glb_extensions import DRACO, check_extensions
 from raytrace.scene.meshes.glb_json import Record, extension, record_in
@@ -29,7 +32,7 @@ SPARE = 64  # vertices that a part may leave unused; more are dropped
 POSITIONS, NORMALS = (FLOAT, BYTE, UBYTE, SHORT, USHORT), (FLOAT, BYTE, SHORT)  # with KHR_mesh_quantization
 
 
-def read_glb(data: bytes, most: float = MAX_TRIANGLES) -> list[RawMesh]:
+def read_glb(data: bytes, most: float = MAX_TRIANGLES, wanted: Wanted = NOTHING) -> list[RawMesh]:
     """Return the triangles of all nodes of the scene of a GLB file, with the transforms of the nodes applied.
 
     Parameters
@@ -38,6 +41,8 @@ def read_glb(data: bytes, most: float = MAX_TRIANGLES) -> list[RawMesh]:
         The file's content.
     most : float
         The most triangles allowed: nodes may place a mesh any number of times.
+    wanted : set of {"uv", "color"}
+        Attributes that are read too, where the file has them.
 
     Returns
     -------
@@ -56,13 +61,13 @@ def read_glb(data: bytes, most: float = MAX_TRIANGLES) -> list[RawMesh]:
     ValueError: the header states 0 bytes, the file has 4
     """
     document, chunk = _chunks(data)
-    return _read(document, Accessors(document, chunk), most)
+    return _read(document, Accessors(document, chunk), most, wanted)
 
 
-def read_gltf(data: bytes, most: float, other: Callable[[str], bytes]) -> list[RawMesh]:
+def read_gltf(data: bytes, most: float, wanted: Wanted, other: Callable[[str], bytes]) -> list[RawMesh]:
     """Read a text glTF file as ``read_glb`` does; ``other`` reads the files that the URIs of its buffers name."""
     document = _document(data)
-    return _read(document, Accessors(document, memoryview(b""), other), most)
+    return _read(document, Accessors(document, memoryview(b""), other), most, wanted)
 
 
 def _chunks(data: bytes) -> tuple[Record, memoryview]:
@@ -92,7 +97,7 @@ def _document(text: bytes) -> Record:
     return document
 
 
-def _read(document: Record, accessors: Accessors, most: float) -> list[RawMesh]:
+def _read(document: Record, accessors: Accessors, most: float, wanted: Wanted) -> list[RawMesh]:
     """Return the triangles of all parts; they are counted before any array is made."""
     notes = dict.fromkeys(check_extensions(document))
     placed = list(islice(parts(document, accessors, notes), MAX_PARTS + 1))
@@ -105,7 +110,7 @@ def _read(document: Record, accessors: Accessors, most: float) -> list[RawMesh]:
     if load > most:
         raise TooManyTrianglesError(sum(triangles for triangles, _ in counts), load)
     skins = Skins(document, accessors, notes)
-    meshes = [_mesh(part, accessors, skins, notes) for part in drawn]
+    meshes = [_mesh(part, accessors, skins, notes, wanted) for part in drawn]
     if meshes and notes:
         meshes[0] = meshes[0]._replace(warnings=tuple(notes))
     return meshes
@@ -124,7 +129,7 @@ def _size(primitive: Record, accessors: Accessors) -> tuple[int, int]:
     return triangles, min(vertices, 3 * triangles + SPARE)
 
 
-def _mesh(part: Part, accessors: Accessors, skins: Skins, notes: dict[str, None]) -> RawMesh:
+def _mesh(part: Part, accessors: Accessors, skins: Skins, notes: dict[str, None], wanted: Wanted) -> RawMesh:
     """Return the triangles of a part, posed and transformed."""
     primitive, attributes = part.primitive, record_in(part.primitive, "attributes")
     _refuse_draco(primitive, attributes, accessors)
@@ -149,10 +154,12 @@ def _mesh(part: Part, accessors: Accessors, skins: Skins, notes: dict[str, None]
         normals = morph(normals, "NORMAL", primitive, part.weights, accessors, rows)
         mesh = mesh._replace(normals=normals, normal_faces=faces)
     if part.skin is not None and attributes.keys() >= {"JOINTS_0", "WEIGHTS_0"}:
-        return skins.apply(mesh, attributes, part.skin, rows)
-    if part.skin is not None:
-        notes["a mesh with a skin has no joints and weights; the transform of its node is used"] = None
-    return transform(mesh, part.matrix[:3, :3], part.matrix[:3, 3])
+        mesh = skins.apply(mesh, attributes, part.skin, rows)
+    else:
+        if part.skin is not None:
+            notes["a mesh with a skin has no joints and weights; the transform of its node is used"] = None
+        mesh = transform(mesh, part.matrix[:3, :3], part.matrix[:3, 3])
+    return with_attributes(mesh, primitive, accessors, rows, wanted) if wanted else mesh
 
 
 def _refuse_draco(primitive: Record, attributes: Record, accessors: Accessors) -> None:

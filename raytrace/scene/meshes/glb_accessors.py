@@ -16,7 +16,7 @@ Rows = NDArray[Any]  # (n, width), of the file's own type
 BYTE, UBYTE, SHORT, USHORT, UINT, FLOAT = 5120, 5121, 5122, 5123, 5125, 5126
 TYPES = {BYTE: "<i1", UBYTE: "<u1", SHORT: "<i2", USHORT: "<u2", UINT: "<u4", FLOAT: "<f4"}
 INDEX = UBYTE, USHORT, UINT
-WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 MAX_WORK = 2**29  # numbers of morph targets and skins that are read: about ten seconds
 
 
@@ -47,6 +47,10 @@ class Accessors:
         """Return the number of rows that an accessor states."""
         return whole(item(self._document, "accessors", index), "count")
 
+    def shape(self, index: Any) -> Any:
+        """Return the type of the rows that an accessor states, such as "VEC3"."""
+        return item(self._document, "accessors", index).get("type")
+
     def has_data(self, index: Any) -> bool:
         """Return whether an accessor has numbers of its own; otherwise all are 0."""
         return bool(item(self._document, "accessors", index).keys() & {"bufferView", "sparse"})
@@ -64,7 +68,7 @@ class Accessors:
         ----------
         index : int
             Of the accessor.
-        shape : {"SCALAR", "VEC3", "VEC4", "MAT4"}
+        shape : {"SCALAR", "VEC2", "VEC3", "VEC4", "MAT4"}
         kinds : tuple of int
             Component types that it may have.
         rows : (m,) int64, optional

@@ -1,7 +1,8 @@
 """Wavefront OBJ text to arrays.
 
 Why trimesh does not read it is measured in docs/robustness.md. The text is processed in bulk; single lines are
-processed only where they are irregular. Materials, texture coordinates, groups, lines and points are ignored.
+processed only where they are irregular. Materials, groups, lines and points are ignored; texture coordinates and
+colours are read where a scene needs them.
 """
 
 from collections.abc import Callable
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from raytrace.errors import shortened
 from raytrace.records import RawMesh
+from raytrace.scene.attributes import COLOR, NOTHING, UV, Wanted
 from raytrace.scene.meshes.polygons import PolygonError, triangulate
 from raytrace.scene.meshes.words import INFINITE, NO_NUMBER, WordError, number, plain, to_array, whole
 
@@ -67,7 +69,7 @@ def _lines(data: bytes) -> Words:
     return lines
 
 
-def _gather(lines: Words, key: bytes, most: int) -> _Statements:
+def _gather(lines: Words, key: bytes, most: int, usual: int = 3, least: int = 3) -> _Statements:
     """Return the statements that begin with a key, cut to at most so many words."""
     start = key + b" "
     found = [i for i, line in enumerate(lines) if line.startswith(start)]
@@ -76,14 +78,15 @@ def _gather(lines: Words, key: bytes, most: int) -> _Statements:
     joined = b" ".join([lines[i] for i in found])
     words, odd = joined.split(), b"_" in joined
     numbers = np.array(found, np.int64) + 1
-    if len(words) == 4 * len(found) == 4 * words[::4].count(key):  # three words each: nearly always
-        del words[::4]
-        return _Statements(words, numbers, np.full(len(found), 3), odd)
+    width = usual + 1
+    if len(words) == width * len(found) == width * words[::width].count(key):  # nearly always
+        del words[::width]
+        return _Statements(words, numbers, np.full(len(found), usual), odd)
     rows = [lines[i].split()[1 : most + 1] for i in found]
     sizes = np.array([len(row) for row in rows])
-    if sizes.min() < 3:
+    if sizes.min() < least:
         short = int(np.argmin(sizes))
-        what = "a face of at least 3 corners" if key == b"f" else "3 numbers"
+        what = "a face of at least 3 corners" if key == b"f" else f"{least} number{'s' * (least > 1)}"
         raise ObjError(int(numbers[short]), f"expected {what}, got {sizes[short]}")
     return _Statements(list(chain.from_iterable(rows)), numbers, sizes, odd)
 
@@ -106,6 +109,14 @@ def _numbers(rows: _Statements) -> NDArray[np.float64]:
     return _convert(rows.words, rows.odd, number, "a number", lambda i: int(rows.lines[i // 3])).reshape(-1, 3)
 
 
+def _padded(rows: _Statements, width: int, missing: float) -> NDArray[np.float64]:
+    """Return the numbers (n, width) of statements that may have fewer."""
+    found = _convert(rows.words, rows.odd, number, "a number", lambda i: int(np.repeat(rows.lines, rows.sizes)[i]))
+    table = np.full((len(rows.lines), width), missing)
+    table[np.arange(width) < rows.sizes[:, None]] = found
+    return table
+
+
 def _references(words: Words, odd: bool, lines: Integers, target: _Statements, what: str) -> Integers:
     """Return the row of the target that each corner refers to: from 1, or negative and counted back; 0 gives -1."""
     index = _convert(words, odd, whole, f"the index of a {what}", lambda i: int(lines[i]))
@@ -121,11 +132,11 @@ def _references(words: Words, odd: bool, lines: Integers, target: _Statements, w
     return row
 
 
-def _parts(corners: Words, lines: Integers) -> tuple[Words, Words]:
-    """Return the words of vertices and normals in corners v, v/vt, v//vn or v/vt/vn; where there is none, 0."""
+def _parts(corners: Words, lines: Integers) -> tuple[Words, Words, Words]:
+    """Return the words of vertices, uv and normals in corners v, v/vt, v//vn or v/vt/vn; empty where there is none."""
     slashes = list(map(bytes.count, corners, repeat(b"/")))
     if not any(slashes):
-        return corners, [b"0"] * len(corners)
+        return corners, (none := [b""] * len(corners)), none
     if max(slashes) > 2:
         first = next(i for i, count in enumerate(slashes) if count > 2)
         text = f"expected a corner v, v/vt, v//vn or v/vt/vn, got {_shown(corners[first])}"
@@ -133,16 +144,22 @@ def _parts(corners: Words, lines: Integers) -> tuple[Words, Words]:
     if slashes.count(2) < len(corners):
         corners = [corner + b"/" * (2 - count) for corner, count in zip(corners, slashes, strict=True)]
     parts = b"/".join(corners).split(b"/")  # three times as fast as a split for each corner
-    return parts[::3], [part or b"0" for part in parts[2::3]]
+    return parts[::3], parts[1::3], parts[2::3]
 
 
-def read_obj(data: bytes) -> RawMesh:
+def _or_0(words: Words) -> Words:
+    return [word or b"0" for word in words]
+
+
+def read_obj(data: bytes, wanted: Wanted = NOTHING) -> RawMesh:
     r"""Read all triangles and polygons of an OBJ file.
 
     Parameters
     ----------
     data : bytes
         The file's content.
+    wanted : set of {"uv", "color"}
+        Attributes that are read too, if the file has them.
 
     Returns
     -------
@@ -162,22 +179,32 @@ def read_obj(data: bytes) -> RawMesh:
     text = _lines(data)
     points, faces = _gather(text, b"v", 3), _gather(text, b"f", len(data))
     vertices, lines = _numbers(points), np.repeat(faces.lines, faces.sizes)
-    vertex_words, normal_words = _parts(faces.words, lines)
+    vertex_words, uv_words, normal_words = _parts(faces.words, lines)
     rows = _references(vertex_words, faces.odd, lines, points, "vertex")
     _check_finite(vertices, rows, points.lines)
     try:
         triangles = triangulate(vertices, rows, faces.sizes)
     except PolygonError as error:
         raise ObjError(int(faces.lines[error.polygon]), str(error)) from None
+    mesh = RawMesh(vertices, rows[triangles], None, None)
+    if UV in wanted and len((places := _gather(text, b"vt", 2, 2, 1)).lines):
+        uv = np.append(_padded(places, 2, 0.0), [[np.nan, np.nan]], axis=0)  # the last row, -1, is that of none
+        mesh = mesh._replace(
+            uv=uv[_references(_or_0(uv_words), faces.odd, lines, places, "texture coordinate")[triangles]]
+        )
+    if COLOR in wanted:
+        colored = _gather(text, b"v", 6, 6)
+        colors = np.where(colored.sizes[:, None] == 6, _padded(colored, 6, np.nan)[:, 3:], np.nan)
+        mesh = mesh._replace(colors=None if np.isnan(colors).all() else colors[mesh.faces])
     try:  # faults of normals matter only where the normals are used
         directions = _gather(text, b"vn", 3)
         normals = _numbers(directions)
-        normal_rows = _references(normal_words, faces.odd, lines, directions, "normal") if len(normals) else None
+        if not len(normals):
+            return mesh
+        normal_rows = _references(_or_0(normal_words), faces.odd, lines, directions, "normal")
     except ObjError as error:
-        return RawMesh(vertices, rows[triangles], None, None, f":{error.line}: {error}")
-    if normal_rows is None:
-        return RawMesh(vertices, rows[triangles], None, None)
-    return RawMesh(vertices, rows[triangles], normals, normal_rows[triangles])
+        return mesh._replace(normals_fault=f":{error.line}: {error}")
+    return mesh._replace(normals=normals, normal_faces=normal_rows[triangles])
 
 
 def _check_finite(vertices: NDArray[np.float64], rows: Integers, lines: Integers) -> None:

@@ -20,12 +20,14 @@ from raytrace.errors import FileError, FileMemoryError, SceneError, printable, s
 from raytrace.limits import MAX_MESH
 from raytrace.memory import READING, READING_OTHER, Allowance
 from raytrace.records import RawMesh
+from raytrace.scene.attributes import Wanted
 from raytrace.scene.files import Reach, format_of
 from raytrace.scene.meshes.errors import TooLargeError, TooManyTrianglesError, UnsupportedError
 from raytrace.scene.meshes.glb import read_gltf
 from raytrace.scene.meshes.raw_mesh import transform
+from raytrace.scene.meshes.visual import with_visual
 
-Reader = Callable[[bytes, float], list[RawMesh]]  # of a file's content, and triangles at most
+Reader = Callable[[bytes, float, Wanted], list[RawMesh]]  # of a file's content, most triangles, wanted attributes
 PACKAGES = {  # format -> packages that trimesh needs to read it
     ".3mf": "lxml networkx",
     ".dae": "lxml pycollada",
@@ -56,8 +58,10 @@ def other_reader(path: Path, reach: Reach | None, allowance: Allowance) -> Reade
     """
     kind, where = format_of(path), reach or Reach(path.parent)
     if kind == ".gltf":
-        return lambda data, most: read_gltf(data, most, lambda uri: _buffer(path, uri, where, allowance))
-    return lambda data, most: _by_trimesh(path, data, most, allowance)
+        return lambda data, most, wanted: read_gltf(
+            data, most, wanted, lambda uri: _buffer(path, uri, where, allowance)
+        )
+    return lambda data, most, wanted: _by_trimesh(path, data, most, allowance, wanted)
 
 
 def _buffer(path: Path, uri: str, reach: Reach, allowance: Allowance) -> bytes:
@@ -91,7 +95,7 @@ def _buffer(path: Path, uri: str, reach: Reach, allowance: Allowance) -> bytes:
 # ---- trimesh -------------------------------------------------------------------------------------------------------
 
 
-def _by_trimesh(path: Path, data: bytes, most: float, allowance: Allowance) -> list[RawMesh]:
+def _by_trimesh(path: Path, data: bytes, most: float, allowance: Allowance, wanted: Wanted) -> list[RawMesh]:
     """Return the triangles of a file, placed by the scene of the file; without vertex normals."""
     kind = format_of(path)
     texts = _entries(path, data, allowance) if data[:2] == b"PK" else [data] if kind in XML else []
@@ -107,6 +111,8 @@ def _by_trimesh(path: Path, data: bytes, most: float, allowance: Allowance) -> l
     for matrix, mesh in meshes:
         vertices, faces = np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int64)
         raw = RawMesh(vertices.reshape(-1, 3), faces.reshape(-1, 3), None, None)
+        if wanted:
+            raw = with_visual(raw, mesh, wanted)
         parts.append(transform(raw, np.asarray(matrix)[:3, :3], np.asarray(matrix)[:3, 3]))
     fans = any(map(_has_polygons, texts)) or (kind == ".off" and triangles > _off_faces(data))
     return [parts[0]._replace(warnings=(FANS,)), *parts[1:]] if parts and fans else parts

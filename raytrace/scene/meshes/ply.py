@@ -1,7 +1,7 @@
 """PLY files to arrays.
 
 Rows of equal length, the usual case, are read all at once; others one by one.
-Colours, texture coordinates, edges and all other data are ignored.
+Edges and all other data are ignored; texture coordinates and colours are read where a scene needs them.
 """
 
 import re
@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.records import RawMesh
+from raytrace.scene.attributes import NOTHING, Wanted
 from raytrace.scene.meshes.ply_binary import Bytes
+from raytrace.scene.meshes.ply_corners import with_attributes
 from raytrace.scene.meshes.ply_text import NEEDED, Column, Element, Property, Text, words_by_lines
 from raytrace.scene.meshes.polygons import PolygonError, triangulate
 from raytrace.scene.meshes.words import BOM, plain
@@ -185,13 +187,15 @@ def _read_text(body: bytes, elements: list[Element]) -> tuple[dict[str, Numbers]
     return read, source.faults
 
 
-def read_ply(data: bytes) -> RawMesh | None:
+def read_ply(data: bytes, wanted: Wanted = NOTHING) -> RawMesh | None:
     r"""Read the triangles, polygons and strips of a PLY file; polygons become triangles.
 
     Parameters
     ----------
     data : bytes
         The file's content, text or binary.
+    wanted : set of {"uv", "color"}
+        Attributes that are read too, if the file has them.
 
     Returns
     -------
@@ -220,16 +224,25 @@ def read_ply(data: bytes) -> RawMesh | None:
     if not {"x", "y", "z"} <= vertex.keys():
         return None
     vertices = np.stack([vertex[axis][1] for axis in "xyz"], axis=1).astype(np.float64)
-    faces = np.concatenate([_polygons(read.get("face", {}), vertices), _strips(read.get("tristrips", {}))])
+    polygons, places = _polygons(read.get("face", {}), vertices)
+    faces = np.concatenate([polygons, _strips(read.get("tristrips", {}))])
     if not len(faces):
         return None
+    mesh = RawMesh(vertices, faces, None, None)
+    if wanted and _in_range(faces, vertices):
+        mesh = with_attributes(mesh, read, elements, places, wanted, faults=faults)
     if not {"nx", "ny", "nz"} <= vertex.keys():
-        return RawMesh(vertices, faces, None, None)
+        return mesh
     for axis in ("nx", "ny", "nz"):
         if fault := faults.get(("vertex", axis)):
-            return RawMesh(vertices, faces, None, None, normals_fault=f": {fault}")
+            return mesh._replace(normals_fault=f": {fault}")
     normals = np.stack([vertex[axis][1] for axis in ("nx", "ny", "nz")], axis=1).astype(np.float64)
-    return RawMesh(vertices, faces, normals, faces)
+    return mesh._replace(normals=normals, normal_faces=faces)
+
+
+def _in_range(faces: Integers, vertices: Array) -> bool:
+    """Return whether all vertices of the faces exist; what does not is reported by whoever reads the mesh."""
+    return bool(faces.min() >= 0 and faces.max() < len(vertices))
 
 
 def _rows_of(what: str, numbers: Array, sizes: Integers) -> Integers:
@@ -244,19 +257,22 @@ def _rows_of(what: str, numbers: Array, sizes: Integers) -> Integers:
     return numbers.astype(np.int64)
 
 
-def _polygons(face: Numbers, vertices: Array) -> Integers:
-    """Return the triangles of the polygons."""
+def _polygons(face: Numbers, vertices: Array) -> tuple[Integers, Integers]:
+    """Return the triangles of the polygons, and for each of their corners its position in the list of all corners."""
     corners = next((face[name] for name in CORNERS if name in face), None)
     if corners is None:
-        return np.empty((0, 3), np.int64)
+        return np.empty((0, 3), np.int64), np.empty((0, 3), np.int64)
     sizes, numbers = corners
     rows = _rows_of("face", numbers, sizes)
+    whole = None
     if (sizes < 3).any():  # points and edges
-        rows, kept = rows[np.repeat(sizes >= 3, sizes)], np.flatnonzero(sizes >= 3)
+        whole = np.flatnonzero(np.repeat(sizes >= 3, sizes))
+        rows, kept = rows[whole], np.flatnonzero(sizes >= 3)
     else:
         kept = np.arange(len(sizes))
     try:
-        return rows[triangulate(vertices, rows, sizes[kept])]
+        places = triangulate(vertices, rows, sizes[kept])
+        return rows[places], places if whole is None else whole[places]
     except PolygonError as error:
         raise ValueError(f"face row {kept[error.polygon]}: {error}") from None
 

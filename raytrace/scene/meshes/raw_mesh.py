@@ -1,5 +1,7 @@
 """Triangles of mesh files: mapped affinely, turned round, and joined."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,6 +10,7 @@ from raytrace.scene.rules import determinant_sign
 
 Matrix = NDArray[np.float64]
 
+FRONT, BACK = [0, 1, 2], [0, 2, 1]  # orders of the corners: as they are; turned round
 CLEAR_SIGN = 1e-9  # determinants of matrices with entries up to 1 are off by less than 1e-14
 
 
@@ -34,14 +37,23 @@ def transform(mesh: RawMesh, linear: Matrix, offset: Matrix) -> RawMesh:
     scaled = linear / (np.max(np.abs(linear)) or 1.0)
     cofactors = np.cross(np.roll(scaled, -1, axis=0), np.roll(scaled, -2, axis=0))
     mirrors = _mirrors(scaled, float(scaled[0] @ cofactors[0]))
-    order = [0, 2, 1] if mirrors else [0, 1, 2]
     normals, normal_faces = mesh.normals, mesh.normal_faces
+    order = BACK if mirrors else FRONT
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is found later
         if normals is not None and normal_faces is not None:
             normals = multiply(-cofactors if mirrors else cofactors, normals)
             normal_faces = normal_faces[:, order]
         vertices = multiply(linear, mesh.vertices) + offset
-    return mesh._replace(vertices=vertices, faces=mesh.faces[:, order], normals=normals, normal_faces=normal_faces)
+    mesh = mesh._replace(vertices=vertices, faces=mesh.faces[:, order], normals=normals, normal_faces=normal_faces)
+    return _turn_corners(mesh) if mirrors else mesh
+
+
+def _turn_corners(mesh: RawMesh) -> RawMesh:
+    """Return a mesh with uv and colours of its corners in the order of triangles that were turned round."""
+    uv, colors = mesh.uv, mesh.colors
+    if uv is None and colors is None:
+        return mesh
+    return mesh._replace(uv=None if uv is None else uv[:, BACK], colors=None if colors is None else colors[:, BACK])
 
 
 def multiply(matrix: Matrix, rows: Matrix) -> Matrix:
@@ -70,11 +82,11 @@ def turned_round(mesh: RawMesh) -> RawMesh:
     >>> turned_round(RawMesh(np.eye(3), np.array([[0, 1, 2]]), None, None)).faces.tolist()
     [[0, 2, 1]]
     """
-    order = [0, 2, 1]
+    mesh = _turn_corners(mesh)
     if mesh.normals is None or mesh.normal_faces is None:
-        return mesh._replace(faces=mesh.faces[:, order])
+        return mesh._replace(faces=mesh.faces[:, BACK])
     normals = 0.0 - mesh.normals  # never -0
-    return mesh._replace(faces=mesh.faces[:, order], normals=normals, normal_faces=mesh.normal_faces[:, order])
+    return mesh._replace(faces=mesh.faces[:, BACK], normals=normals, normal_faces=mesh.normal_faces[:, BACK])
 
 
 def quiet_unused(mesh: RawMesh) -> RawMesh:
@@ -125,6 +137,35 @@ def concatenate(meshes: list[RawMesh]) -> RawMesh:
             before_normals += len(mesh.normals)
     warnings = tuple(dict.fromkeys(text for mesh in meshes for text in mesh.warnings))
     joined = RawMesh(np.concatenate(vertices), np.concatenate(faces), None, None, warnings=warnings)
+    if any(mesh.uv is not None or mesh.colors is not None for mesh in meshes):
+        sizes = [len(mesh.faces) for mesh in meshes]
+        uv, colors = (join_corners([getattr(mesh, key) for mesh in meshes], sizes) for key in ("uv", "colors"))
+        joined = joined._replace(uv=uv, colors=colors)
     if not normals:
         return joined
     return joined._replace(normals=np.concatenate(normals), normal_faces=np.concatenate(normal_faces))
+
+
+def join_corners(parts: Sequence[Matrix | None], sizes: Sequence[int]) -> Matrix | None:
+    """Return values of corners of several meshes as one array; NaN for meshes without, None if all are.
+
+    Parameters
+    ----------
+    parts : sequence of (m, 3, k) float64 or None
+    sizes : sequence of int
+        Triangles of each.
+
+    Examples
+    --------
+    >>> join_corners([np.zeros((1, 3, 2)), None], [1, 2])[:, 0].tolist()
+    [[0.0, 0.0], [nan, nan], [nan, nan]]
+    """
+    widths = [part.shape[2] for part in parts if part is not None]
+    if not widths:
+        return None
+    joined, before = np.full((sum(sizes), 3, widths[0]), np.nan), 0
+    for part, size in zip(parts, sizes, strict=True):
+        if part is not None:
+            joined[before : before + size] = part
+        before += size
+    return joined

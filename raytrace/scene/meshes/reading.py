@@ -13,6 +13,7 @@ from raytrace.limits import MAX_MESH, MAX_TRIANGLES
 from raytrace.memory import Allowance, of_reading
 from raytrace.misnamed import ENCODED, is_utf16, mistaken
 from raytrace.records import RawMesh
+from raytrace.scene.attributes import NOTHING, Wanted
 from raytrace.scene.files import Reach, format_of, locate
 from raytrace.scene.meshes.errors import TooLargeError, TooManyTrianglesError, UnsupportedError
 from raytrace.scene.meshes.glb import read_glb
@@ -21,11 +22,12 @@ from raytrace.scene.meshes.ply import read_ply
 from raytrace.scene.meshes.raw_mesh import concatenate
 from raytrace.scene.meshes.stl import is_binary, is_text, read_stl
 
-READERS: dict[str, Callable[[bytes, float], list[RawMesh | None]]] = {  # arguments: content of a file, most triangles
-    ".obj": lambda data, _: [read_obj(data)],
-    ".ply": lambda data, _: [read_ply(data)],
-    ".stl": lambda data, _: [read_stl(data)],
-    ".glb": lambda data, most: list(read_glb(data, most)),
+# arguments: content of a file, most triangles, wanted attributes
+READERS: dict[str, Callable[[bytes, float, Wanted], list[RawMesh | None]]] = {
+    ".obj": lambda data, _, wanted: [read_obj(data, wanted)],
+    ".ply": lambda data, _, wanted: [read_ply(data, wanted)],
+    ".stl": lambda data, _most, _wanted: [read_stl(data)],
+    ".glb": lambda data, most, wanted: list(read_glb(data, most, wanted)),
 }
 PLACED = 200  # bytes per triangle that a node places
 
@@ -65,7 +67,9 @@ def _afford(path: Path, length: int, words: int | None, allowance: Allowance) ->
         raise FileMemoryError(f"memory: {path}: {lacks}")
 
 
-def _other_reader(path: Path, reach: Reach | None, allowance: Allowance) -> Callable[[bytes, float], list[RawMesh]]:
+def _other_reader(
+    path: Path, reach: Reach | None, allowance: Allowance
+) -> Callable[[bytes, float, Wanted], list[RawMesh]]:
     from raytrace.scene.meshes.other_formats import other_reader  # few scenes need it
 
     return other_reader(path, reach, allowance)
@@ -112,7 +116,9 @@ def _check_kind(path: Path, data: bytes) -> None:
         raise SceneError([f"{path}: {ENCODED}"])
 
 
-def read_mesh(path: Path, allowance: Allowance | None = None, reach: Reach | None = None) -> RawMesh:
+def read_mesh(
+    path: Path, allowance: Allowance | None = None, reach: Reach | None = None, wanted: Wanted = NOTHING
+) -> RawMesh:
     """Return all triangles of a mesh file; its parts are transformed and joined.
 
     Parameters
@@ -123,6 +129,8 @@ def read_mesh(path: Path, allowance: Allowance | None = None, reach: Reach | Non
         Memory that it may use; by default the free memory.
     reach : Reach, optional
         Folders for other files that it names; by default its own folder.
+    wanted : set of {"uv", "color"}, optional
+        Attributes that are read too, where the file has them.
 
     Returns
     -------
@@ -151,7 +159,7 @@ def read_mesh(path: Path, allowance: Allowance | None = None, reach: Reach | Non
     try:
         with np.errstate(all="ignore"):  # what is not finite is found below
             read = READERS.get(kind) or _other_reader(path, reach, allowance)
-            parts = [part for part in read(data, most) if part is not None]
+            parts = [part for part in read(data, most, wanted) if part is not None]
     except RaytraceError:
         raise
     except ObjError as error:

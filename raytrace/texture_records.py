@@ -1,0 +1,34 @@
+"""Records of textures. Comments give shape, dtype, unit and meaning of each field."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+BILINEAR, NEAREST, CHECKERBOARD, ATTRIBUTE = range(4)  # Texture.kind
+
+
+class Texture(NamedTuple):
+    """A colour that varies over a surface."""
+
+    kind: int  # BILINEAR or NEAREST: an image; CHECKERBOARD; ATTRIBUTE: vertex colours
+    codes: NDArray[Any]  # (h, w, 3) u1, u2 or f4, row 0 at the bottom; a checkerboard's colours, (1, 2, 3) f8; or empty
+    table: NDArray[np.float64] | None  # (256,) or (65536,) f8: linear value of each code; None: codes are values
+    scale: tuple[float, float]  # factors of u and v
+    mean: NDArray[np.float64]  # (3,) f8: over the image, or over all corners of the triangles that have it
+
+    def values(self, out: NDArray[Any]) -> None:
+        """Write linear colours, (h * w, 3), rounded once to the type of the array."""
+        codes = self.codes.reshape(-1, 3)
+        if self.table is None:
+            out[:] = codes
+        else:
+            np.take(self.table.astype(out.dtype), codes, out=out, mode="clip")
+
+
+class Textures(NamedTuple):
+    """Textures of the materials of a scene."""
+
+    table: tuple[Texture, ...]
+    reflectance: NDArray[np.int32]  # (k,) i4: the texture of the albedo or reflectance of each material; -1: none
+    emission: NDArray[np.int32]  # (k,) i4: that of its emission; -1: none
