@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.scene.fingerprint import fingerprint
-from raytrace.texture_records import Textures
+from raytrace.texture_records import Texture, Textures
 
 DIFFUSE, REFRACTIVE, MIRROR, DIELECTRIC, CONDUCTOR = range(5)  # Materials.kind
 
@@ -54,6 +54,14 @@ class Directions(NamedTuple):
     irradiance: NDArray[np.float64]  # (l, 3) f8, W / m2: on a plane that faces the light
 
 
+class EnvironmentImage(NamedTuple):
+    """A latitude-longitude image as an environment, y up."""
+
+    texture: Texture  # linear radiance
+    scale: float  # factor of its radiance
+    turn: NDArray[np.float64]  # (3, 3) f8: rotation from the image to the world
+
+
 class Lights(NamedTuple):
     """All lights that are not surfaces: isotropic point lights, one row per light; the others where there are any."""
 
@@ -61,7 +69,8 @@ class Lights(NamedTuple):
     flux: NDArray[np.float64]  # (l, 3) f8, W per channel: total over the sphere of directions
     spots: Spots | None = None
     directions: Directions | None = None
-    environment: NDArray[np.float64] | None = None  # (3,) f8, W / (sr m2): radiance from all directions
+    environment: NDArray[np.float64] | None = None  # (3,) f8, W / (sr m2): radiance from all directions, or its mean
+    image: EnvironmentImage | None = None  # None: the environment is constant
 
 
 class RawMesh(NamedTuple):

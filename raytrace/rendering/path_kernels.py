@@ -8,7 +8,7 @@ import numpy as np
 
 from raytrace.accel import query
 from raytrace.accel.lanes import PACKET
-from raytrace.passes import compaction, lights, materials, paths, textures
+from raytrace.passes import compaction, environment, lights, materials, paths, textures
 from raytrace.passes.camera import camera_rays
 from raytrace.records import (
     CONDUCTOR,
@@ -16,6 +16,7 @@ from raytrace.records import (
     MIRROR,
     REFRACTIVE,
     Directions,
+    EnvironmentImage,
     Lights,
     Materials,
     Rays,
@@ -23,7 +24,7 @@ from raytrace.records import (
     Spots,
 )
 from raytrace.rendering.path_wavefront import PathWavefront
-from raytrace.texture_records import ATTRIBUTE, CHECKERBOARD, Texture, Textures
+from raytrace.texture_records import ATTRIBUTE, BILINEAR, CHECKERBOARD, Texture, Textures
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]  # a kernel and its arguments
 
@@ -46,6 +47,7 @@ class PathNeeds(NamedTuple):
     spots: bool
     directions: bool
     environment: bool
+    image: bool  # of the environment
     lamps: bool
     background: bool
     transparent: bool  # shadow rays pass a surface
@@ -63,6 +65,7 @@ def path_needs_of(scene: Scene, integrator: str) -> PathNeeds:
         scene.lights.spots is not None,
         scene.lights.directions is not None,
         scene.lights.environment is not None,
+        scene.lights.image is not None,
         emission is not None and bool((emission[used] > 0).any()),
         bool(scene.background.any()),
         bool(scene.materials.transparent_shadow[used].any()),
@@ -103,6 +106,9 @@ def small_scene(needs: PathNeeds, scene: Scene) -> Scene:
         spots=Spots(place, up, vector, np.ones(1), np.ones(1) / 2) if needs.spots else None,
         directions=Directions(up, vector) if needs.directions else None,
         environment=np.ones(3) if needs.environment else None,
+        image=EnvironmentImage(Texture(BILINEAR, vector[None], None, (1.0, 1.0), np.ones(3)), 1.0, np.eye(3))
+        if needs.image
+        else None,
     )
     mesh = scene.mesh
     rows = np.arange(max(n, 1)) % len(mesh.faces)
@@ -133,7 +139,9 @@ def path_tracing(front: PathWavefront, rays: Rays) -> Iterator[Call]:
     yield paths.begin_paths, (front.sampler.seed, pixels, pixels, numbers, here, front.radiance)
     if scene.lamps:
         yield paths.see_lamps, (here, 0, scene.shading, scene.surfaces, scene.lamp_textures, front.radiance)
-    if scene.environment is not None:
+    if scene.image is not None:
+        yield environment.see_image, (here, 0, scene.image, front.radiance)
+    elif scene.environment is not None:
         yield paths.see_environment, (here, 0, scene.environment, front.radiance)
     elif scene.background is not None:
         yield paths.see_background, (here, 0, scene.background, front.radiance)
@@ -161,7 +169,9 @@ def _light_calls(front: PathWavefront) -> Iterator[Call]:
         yield lights.sample_spots, (here, 0, table, vertices, incident)
     if lights.DIRECTIONAL in kinds:
         yield lights.sample_directions, (here, 0, table, vertices, incident)
-    if lights.ENVIRONMENT in kinds:
+    if scene.image is not None:
+        yield environment.sample_image, (front.sampler, here, 0, 1, table, scene.image, vertices, incident)
+    elif lights.ENVIRONMENT in kinds:
         yield lights.sample_environment, (front.sampler, here, 0, 1, table, vertices, incident)
     if scene.passed_bvh is not None:
         yield lights.claim_light, (0, incident)

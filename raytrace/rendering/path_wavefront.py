@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from raytrace.accel import query
 from raytrace.accel.bvh import BVH
 from raytrace.accel.lanes import PACKET
-from raytrace.passes import compaction, lights, materials, paths, textures
+from raytrace.passes import compaction, environment, lights, materials, paths, textures
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.columns import BATCH_COLUMNS, ColumnMemory, shortened_record
 from raytrace.passes.film import accumulate
@@ -117,7 +117,9 @@ class PathWavefront:
         scene = self.scene
         if scene.lamps:
             paths.see_lamps(here, n, scene.shading, scene.surfaces, scene.lamp_textures, self.radiance)
-        if scene.environment is not None:
+        if scene.image is not None:
+            environment.see_image(here, n, scene.image, self.radiance)
+        elif scene.environment is not None:
             paths.see_environment(here, n, scene.environment, self.radiance)
         if self.finds_light:
             self._lap("emission")
@@ -138,7 +140,9 @@ class PathWavefront:
             lights.sample_spots(paths_, n, table, vertices, incident)
         if lights.DIRECTIONAL in kinds:
             lights.sample_directions(paths_, n, table, vertices, incident)
-        if lights.ENVIRONMENT in kinds:
+        if scene.image is not None:
+            environment.sample_image(self.sampler, paths_, n, depth, table, scene.image, vertices, incident)
+        elif lights.ENVIRONMENT in kinds:
             lights.sample_environment(self.sampler, paths_, n, depth, table, vertices, incident)
         if scene.passed_bvh is not None:
             self._query(scene.passed_bvh, incident.o, incident.d, incident.tmax, n)

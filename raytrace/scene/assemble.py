@@ -10,7 +10,7 @@ import numpy as np
 from raytrace.errors import FileError, FileMemoryError, SceneError
 from raytrace.limits import MAX_TRIANGLES
 from raytrace.memory import Allowance, Joining
-from raytrace.records import Camera, RawMesh, Scene, Settings
+from raytrace.records import Camera, EnvironmentImage, RawMesh, Scene, Settings
 from raytrace.scene import checks
 from raytrace.scene.attributes import NOTHING, UV, check_attributes, needed, wanted_of
 from raytrace.scene.files import Reach
@@ -18,7 +18,7 @@ from raytrace.scene.joining import MeshWarning, join
 from raytrace.scene.meshes.given import MARK, read_given
 from raytrace.scene.meshes.reading import read_mesh
 from raytrace.scene.positions import Origins
-from raytrace.scene.problems import MAX_PROBLEMS, Problem, shape_problem
+from raytrace.scene.problems import MAX_PROBLEMS, Problem, file_problem, shape_problem
 from raytrace.scene.shapes import make_shape, shape_of, shape_size, sphere_frequency
 from raytrace.scene.tables import lights_of, materials_of
 from raytrace.scene.text import Text
@@ -50,7 +50,8 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
     shapes = _Shapes(scene, reach, text.meshes, needs)
     shapes.place_all()
     read = _read_textures(scene, reach) if needs else None
-    if problems := shapes.problems + (read.problems if read else []):
+    image, image_problems = _read_environment(scene, reach)
+    if problems := shapes.problems + (read.problems if read else []) + image_problems:
         raise text.error(problems, origins)
     mesh, mesh_warnings = join(shapes.placed)
     materials, textures, warnings = materials_of(scene), None, checks.warn(data)
@@ -72,7 +73,7 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
         settings=_settings(scene.film, scene.render),
         background=background,
         materials=materials,
-        lights=lights_of(scene),
+        lights=lights_of(scene, image),
         mesh=mesh,
         objects=names,
         warnings=(),
@@ -103,6 +104,19 @@ def _read_textures(scene: Any, reach: Reach) -> Any:
     from raytrace.scene.textures import read_textures
 
     return read_textures(scene.materials, (entry.material for entry in scene.objects), reach)
+
+
+def _read_environment(scene: Any, reach: Reach) -> tuple[EnvironmentImage | None, list[Problem]]:
+    """Read the image of the environment of a scene that has one; or say what is wrong with it."""
+    for i, light in enumerate(scene.lights):
+        if light.type == "environment" and light.image is not None:
+            from raytrace.scene.environment import read_environment
+
+            try:
+                return read_environment(light, reach), []
+            except (SceneError, FileError, ValueError) as error:
+                return None, [file_problem(("lights", i, "image"), error)]
+    return None, []
 
 
 class _Shapes:

@@ -86,7 +86,10 @@ def check(data: dict[str, Any]) -> list[Problem]:
     """
     problems = list(_check_camera(data.get("camera")))
     problems += islice(chain(check_lights(data), check_materials(data), check_textures(data)), MAX_PROBLEMS)
-    materials = data.get("materials")
+    materials, lights = data.get("materials"), data.get("lights")
+    for i, light in enumerate(lights if isinstance(lights, list) else []):
+        if isinstance(light, dict) and light.get("type") == "environment" and len(problems) <= MAX_PROBLEMS:
+            problems += _check_rotations(("lights", i, "rotate"), light.get("rotate"))
     objects = data.get("objects")
     for i, entry in enumerate(objects if isinstance(objects, list) else []):
         if len(problems) > MAX_PROBLEMS:

@@ -39,6 +39,7 @@ RULES: dict[tuple[str, str], Callable[[Any], Any]] = {  # (title of a model, key
     ("Film", "size"): check_film,
     ("Object", "scale"): scale_factors,
     ("Object", "rotate"): list_rotations,
+    ("EnvironmentLight", "rotate"): list_rotations,
     ("Object", "matrix"): check_matrix,
 }
 
