@@ -15,12 +15,15 @@ DIFFUSE, REFRACTIVE, MIRROR, DIELECTRIC, CONDUCTOR = range(5)  # Materials.kind
 
 
 class Camera(NamedTuple):
-    """A pinhole camera."""
+    """A camera: a pinhole; with an aperture a thin lens; with a height orthographic."""
 
     position: NDArray[np.float64]  # (3,) f8, world units: the pinhole
     look_at: NDArray[np.float64]  # (3,) f8, world units: the point at the centre of the image
     up: NDArray[np.float64]  # (3,) f8, any length: points to the top of the image
-    fov: float  # degrees: full vertical angle
+    fov: float  # degrees: full vertical angle; 0 where orthographic
+    aperture: float = 0.0  # world units: radius of the lens
+    focus: float = 1.0  # world units: distance of the plane in focus along the view axis
+    height: float | None = None  # world units: of an orthographic view
 
 
 class Materials(NamedTuple):
@@ -113,6 +116,7 @@ class Settings(NamedTuple):
     precision: str  # "auto", "float32" or "float64"
     seed: int  # 0 .. 2**32 - 1
     integrator: str = "direct"  # or "path"
+    filter: str = "box"  # of the film: "box", "tent" or "gaussian"
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,6 +223,7 @@ class Tree(NamedTuple):
 class View(NamedTuple):
     """The camera for kernels: the ray through (x, y), in pixels, has the direction forward + x' right + y' down.
 
+    Where it is orthographic, the direction is forward, and x' right + y' down is added to the origin instead.
     x' and y' are measured from the centre of the film.
     """
 

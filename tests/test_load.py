@@ -49,7 +49,7 @@ def test_everything_in_the_file_reaches_the_scene(tmp_path):
     loaded = load(write(tmp_path, content))
     assert loaded.source == tmp_path / "scene.json"
     assert loaded.about == "A test."
-    assert loaded.settings == ((64, 48), 4, 3, "stratified", "float64", 7, "direct")
+    assert loaded.settings == ((64, 48), 4, 3, "stratified", "float64", 7, "direct", "box")
     np.testing.assert_array_equal(loaded.camera.position, [0, 1, 6.8])
     np.testing.assert_array_equal(loaded.camera.up, [0, 1, 0])
     assert loaded.camera.fov == 19.5

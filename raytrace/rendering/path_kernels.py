@@ -10,6 +10,7 @@ from raytrace.accel import query
 from raytrace.accel.lanes import PACKET
 from raytrace.passes import compaction, environment, lights, materials, paths, textures
 from raytrace.passes.camera import camera_rays
+from raytrace.passes.lens import lens_rays, needs_lens
 from raytrace.records import (
     CONDUCTOR,
     DIELECTRIC,
@@ -48,6 +49,7 @@ class PathNeeds(NamedTuple):
     directions: bool
     environment: bool
     image: bool  # of the environment
+    lens: bool  # a camera that is no pinhole, or a filter that is no box
     lamps: bool
     background: bool
     transparent: bool  # shadow rays pass a surface
@@ -66,6 +68,7 @@ def path_needs_of(scene: Scene, integrator: str) -> PathNeeds:
         scene.lights.directions is not None,
         scene.lights.environment is not None,
         scene.lights.image is not None,
+        needs_lens(scene.camera, scene.settings.filter),
         emission is not None and bool((emission[used] > 0).any()),
         bool(scene.background.any()),
         bool(scene.materials.transparent_shadow[used].any()),
@@ -124,8 +127,9 @@ def small_scene(needs: PathNeeds, scene: Scene) -> Scene:
         mesh = mesh._replace(uv=corners[:, :, :2], colors=corners)
     background = np.ones(3) if needs.background else np.zeros(3)
     settings = scene.settings._replace(integrator=needs.integrator)
+    camera = scene.camera._replace(aperture=float(needs.lens))
     made = replace(scene, materials=table, lights=sources, mesh=mesh, background=background, settings=settings)
-    return replace(made, textures=textures)
+    return replace(made, textures=textures, camera=camera)
 
 
 def path_tracing(front: PathWavefront, rays: Rays) -> Iterator[Call]:
@@ -135,7 +139,10 @@ def path_tracing(front: PathWavefront, rays: Rays) -> Iterator[Call]:
     yield query.closest_hit, (scene.bvh.tree, rays, here.rays.hits, 0, front.work)
     if front.samples_lights:
         yield query.any_hit, (scene.shadow_bvh.tree, rays, incident.occluded, 0, front.work)
-    yield camera_rays, (front.view, front.sampler, pixels, pixels, numbers, here.rays.d)
+    if scene.lens is None:
+        yield camera_rays, (front.view, front.sampler, pixels, pixels, numbers, here.rays.d)
+    else:
+        yield lens_rays, (front.view, scene.lens, front.sampler, pixels, pixels, numbers, here.rays)
     yield paths.begin_paths, (front.sampler.seed, pixels, pixels, numbers, here, front.radiance)
     if scene.lamps:
         yield paths.see_lamps, (here, 0, scene.shading, scene.surfaces, scene.lamp_textures, front.radiance)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from raytrace.accel.bvh import BVH
 from raytrace.passes import lights
+from raytrace.passes.lens import Lens, make_lens, needs_lens
 from raytrace.passes.path_records import EnvironmentTable, LightTable, Surfaces, TextureTable
 from raytrace.records import CONDUCTOR, Scene, Shading
 from raytrace.rendering.environment_table import make_environment_table
@@ -32,6 +33,7 @@ class PathScene(NamedTuple):
     environment: NDArray[np.floating] | None  # (4,) f: radiance, and the density of its sampling, 1 / sr
     image: EnvironmentTable | None  # None: the environment is constant
     background: NDArray[np.floating] | None  # (3,) f; None: black
+    lens: Lens | None  # None: a pinhole, and a box filter
     textures: TextureTable | None = None  # None: no reflectance is a texture
     lamp_textures: TextureTable | None = None  # the same; None: no emission is a texture
 
@@ -43,6 +45,7 @@ class PathScene(NamedTuple):
             self.lamps,
             self.environment is None,
             self.image is None,
+            self.lens is None,
             self.background is None,
         )
         tables = [table for table in (self.textures, self.lamp_textures) if table is not None]
@@ -85,6 +88,9 @@ def make_path_scene(scene: Scene, bvh: BVH, integrator: str) -> PathScene:
         environment,
         image,
         scene.background.astype(dtype) if scene.background.any() else None,
+        make_lens(scene.camera, scene.settings.filter, dtype)
+        if needs_lens(scene.camera, scene.settings.filter)
+        else None,
         textures if textures is not None and (textures.reflectance >= 0).any() else None,
         textures if textures is not None and (textures.emission >= 0).any() else None,
     )

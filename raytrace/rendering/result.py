@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from raytrace.accel.bvh import BVH
 from raytrace.image import files
 from raytrace.limits import LAYERS
-from raytrace.passes.camera import make_view, pinhole_directions
-from raytrace.records import Hits, Scene, Window
+from raytrace.passes.camera import make_view, parallel_origins, pinhole_directions
+from raytrace.records import Hits, Scene, View, Window
 
 if TYPE_CHECKING:
     from raytrace.rendering.checkpoint import Checkpoint
@@ -169,10 +169,17 @@ def trace_layers(scene: Scene, bvh: BVH, size: tuple[int, int], window: Window) 
     bands = []
     for top in range(window.y, window.y + window.height, ROWS):
         y, x = np.mgrid[top : min(top + ROWS, window.y + window.height), window.x : window.x + window.width] + 0.5
-        d = pinhole_directions(view, x.ravel(), y.ravel())
-        bands.append(_layers_of(scene, bvh, bvh.closest_hit(scene.camera.position, d)))
+        bands.append(_layers_of(scene, bvh, bvh.closest_hit(*centre_rays(scene, view, x.ravel(), y.ravel()))))
     layers = {name: np.concatenate([band[name] for band in bands]) for name in bands[0]}
     return {name: layer.reshape(window.height, window.width, *layer.shape[1:]) for name, layer in layers.items()}
+
+
+def centre_rays(scene: Scene, view: View, x: NDArray[Any], y: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return origins and directions through points of the film, of a pinhole where the camera has a lens."""
+    if scene.camera.height is None:
+        return scene.camera.position, pinhole_directions(view, x, y)
+    o = parallel_origins(view, x, y)
+    return o, np.broadcast_to(view.forward, o.shape)
 
 
 def _layers_of(scene: Scene, bvh: BVH, hits: Hits) -> dict[str, NDArray[Any]]:

@@ -1,5 +1,6 @@
 """Makes a scene of valid data: reads its meshes, makes its shapes, and fills its tables."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -63,8 +64,7 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
     names = _names(scene)
     for i, what in shapes.warnings + mesh_warnings:
         warnings.append(Problem(("objects", i, shape_of(scene.objects[i])), f"{names[i]}: {what}"))
-    view = scene.camera
-    camera = Camera(np.array(view.position), np.array(view.look_at), np.array(view.up), view.fov)
+    camera = camera_of(scene.camera)
     background = np.array(scene.background)
     made = Scene(
         source=path,
@@ -87,6 +87,14 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
     return replace(made, warnings=text.warn(warnings, origins)) if warnings else made
 
 
+def camera_of(view: Any) -> Camera:
+    """Camera of valid data."""
+    position, look_at = np.array(view.position), np.array(view.look_at)
+    focus = math.dist(look_at, position) if view.focus is None else view.focus
+    height = view.height if view.type == "orthographic" else None
+    return Camera(position, look_at, np.array(view.up), view.fov or 0.0, view.aperture, focus, height)
+
+
 def _settings(film: Any, render: Any) -> Settings:
     return Settings(
         film.size,
@@ -96,6 +104,7 @@ def _settings(film: Any, render: Any) -> Settings:
         render.precision,
         render.seed,
         render.integrator,
+        film.filter,
     )
 
 
