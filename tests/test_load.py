@@ -111,7 +111,7 @@ def test_all_problems_are_told_at_once_in_the_order_of_the_file(tmp_path):
 
 def test_a_dict_tells_no_line():
     assert problems(scene(camera={"position": [0, 1, 2], "look_at": [0, 1, 0]})) == [
-        'scene: camera: missing key "fov": Full vertical field of view, degrees.',
+        'scene: camera: missing key "fov", or "height" instead',
         "scene: objects[0].mesh: triangle.obj: no such file",
     ]
 

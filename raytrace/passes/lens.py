@@ -25,7 +25,8 @@ from raytrace.records import Camera
 BOX, TENT, GAUSSIAN = range(3)
 FILTERS = {"box": BOX, "tent": TENT, "gaussian": GAUSSIAN}
 SIGMA, RADIUS = Decimal("0.5"), Decimal(2)  # of the Gaussian, pixels
-STEPS = 1024  # of its table
+STEPS = 4096  # of its table
+PLACES = 1024  # where its distribution is computed
 LENS = 4  # dimension of the pair of random numbers for the lens
 
 
@@ -63,7 +64,7 @@ def gaussian_quantiles() -> NDArray[np.float64]:
     The distribution is computed with decimal numbers by its series, and inverted by linear interpolation: the same
     numbers on every machine.
     """
-    places = [RADIUS * k / STEPS for k in range(STEPS + 1)]
+    places = [RADIUS * k / PLACES for k in range(PLACES + 1)]
     shares = np.array([float(_error_function(place / SIGMA)) for place in places])
     positions = np.array([float(place) for place in places])
     wanted = np.arange(STEPS // 2 + 1) / (STEPS // 2) * shares[-1]
