@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.scene.fingerprint import fingerprint
-from raytrace.texture_records import FileMaterial, Textures
+from raytrace.texture_records import FileMaterial, Texture, Textures
 
 if TYPE_CHECKING:
     from raytrace.scene.uv_source import UvSource
@@ -18,12 +18,15 @@ DIFFUSE, REFRACTIVE, MIRROR, DIELECTRIC, CONDUCTOR = range(5)  # Materials.kind
 
 
 class Camera(NamedTuple):
-    """A pinhole camera."""
+    """A camera: a pinhole; with an aperture a thin lens; with a height orthographic."""
 
     position: NDArray[np.float64]  # (3,) f8, world units: the pinhole
     look_at: NDArray[np.float64]  # (3,) f8, world units: the point at the centre of the image
     up: NDArray[np.float64]  # (3,) f8, any length: points to the top of the image
-    fov: float  # degrees: full vertical angle
+    fov: float  # degrees: full vertical angle; 0 where orthographic
+    aperture: float = 0.0  # world units: radius of the lens
+    focus: float = 1.0  # world units: distance of the plane in focus along the view axis
+    height: float | None = None  # world units: of an orthographic view
 
 
 class Materials(NamedTuple):
@@ -57,6 +60,14 @@ class Directions(NamedTuple):
     irradiance: NDArray[np.float64]  # (l, 3) f8, W / m2: on a plane that faces the light
 
 
+class EnvironmentImage(NamedTuple):
+    """A latitude-longitude image as an environment, y up."""
+
+    texture: Texture  # linear radiance
+    scale: float  # factor of its radiance
+    turn: NDArray[np.float64]  # (3, 3) f8: rotation from the image to the world
+
+
 class Lights(NamedTuple):
     """All lights that are not surfaces: isotropic point lights, one row per light; the others where there are any."""
 
@@ -64,7 +75,8 @@ class Lights(NamedTuple):
     flux: NDArray[np.float64]  # (l, 3) f8, W per channel: total over the sphere of directions
     spots: Spots | None = None
     directions: Directions | None = None
-    environment: NDArray[np.float64] | None = None  # (3,) f8, W / (sr m2): radiance from all directions
+    environment: NDArray[np.float64] | None = None  # (3,) f8, W / (sr m2): radiance from all directions, or its mean
+    image: EnvironmentImage | None = None  # None: the environment is constant
     numbers: tuple[int, ...] = ()  # of each in the scene's list: points, spots, directions, environment; (): in order
 
     def number(self, row: int) -> int:
@@ -114,6 +126,7 @@ class Settings(NamedTuple):
     precision: str  # "auto", "float32" or "float64"
     seed: int  # 0 .. 2**32 - 1
     integrator: str = "direct"  # or "path"
+    filter: str = "box"  # of the film: "box", "tent" or "gaussian"
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,6 +246,7 @@ class Tree(NamedTuple):
 class View(NamedTuple):
     """The camera for kernels: the ray through (x, y), in pixels, has the direction forward + x' right + y' down.
 
+    Where it is orthographic, the direction is forward, and x' right + y' down is added to the origin instead.
     x' and y' are measured from the centre of the film.
     """
 

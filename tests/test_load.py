@@ -49,7 +49,7 @@ def test_everything_in_the_file_reaches_the_scene(tmp_path):
     loaded = load(write(tmp_path, content))
     assert loaded.source == tmp_path / "scene.json"
     assert loaded.about == "A test."
-    assert loaded.settings == ((64, 48), 4, 3, "stratified", "float64", 7, "direct")
+    assert loaded.settings == ((64, 48), 4, 3, "stratified", "float64", 7, "direct", "box")
     np.testing.assert_array_equal(loaded.camera.position, [0, 1, 6.8])
     np.testing.assert_array_equal(loaded.camera.up, [0, 1, 0])
     assert loaded.camera.fov == 19.5
@@ -111,7 +111,7 @@ def test_all_problems_are_told_at_once_in_the_order_of_the_file(tmp_path):
 
 def test_a_dict_tells_no_line():
     assert problems(scene(camera={"position": [0, 1, 2], "look_at": [0, 1, 0]})) == [
-        'scene: camera: missing key "fov": Full vertical field of view, degrees.',
+        'scene: camera: missing key "fov", or "height" instead',
         "scene: objects[0].mesh: triangle.obj: no such file",
     ]
 

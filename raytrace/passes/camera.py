@@ -10,11 +10,12 @@ from raytrace.records import Camera, View
 
 
 def make_view(camera: Camera, size: tuple[int, int], dtype: np.dtype) -> View:
-    """Make the view of a camera for a film of ``size`` (width, height); pixels are square, ``fov`` spans the height."""
+    """Make the view of a camera for a film of ``size`` (width, height) in square pixels, over its field of view."""
     forward = _unit(camera.look_at / 2 - camera.position / 2)  # halves: the difference of large numbers may overflow
     right = np.cross(forward, _unit(camera.up))
     right = right / np.linalg.norm(right)
-    pixel = 2.0 * np.tan(np.radians(camera.fov) / 2.0) / size[1]
+    height = 2.0 * np.tan(np.radians(camera.fov) / 2.0) if camera.height is None else camera.height
+    pixel = height / size[1]
     vectors = camera.position, forward, pixel * right, pixel * np.cross(forward, right), np.array(size) / 2.0
     return View(*(np.asarray(vector, dtype) for vector in vectors))
 
@@ -23,6 +24,11 @@ def pinhole_directions(view: View, x: NDArray[np.floating], y: NDArray[np.floati
     """Unit directions (n, 3) of rays through points (x, y) of the film, in pixels, in the precision of the view."""
     d = view.forward + (x - view.centre[0])[:, None] * view.right + (y - view.centre[1])[:, None] * view.down
     return (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(view.forward.dtype)
+
+
+def parallel_origins(view: View, x: NDArray[np.floating], y: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Origins (n, 3) of the rays of an orthographic camera through points (x, y) of the film, in pixels."""
+    return view.origin + (x - view.centre[0])[:, None] * view.right + (y - view.centre[1])[:, None] * view.down
 
 
 def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:

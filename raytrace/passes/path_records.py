@@ -77,6 +77,17 @@ class Order(NamedTuple):
     counts: NDArray[np.int32]  # (k,) i4: paths of each key
 
 
+class EnvironmentTable(NamedTuple):
+    """An environment image, and how its directions are drawn; see passes/environment.py."""
+
+    texels: NDArray[np.floating]  # (h * w * 3,) f, W / (sr m2): radiance, row 0 up
+    size: NDArray[np.int32]  # (2,) i4: h, w
+    turn: NDArray[np.floating]  # (9,) f: rotation from the world to the image, row by row
+    rows: NDArray[np.uint32]  # (h + 2,) u4: where the random numbers of each row of cells begin; then their end
+    columns: NDArray[np.uint32]  # ((h + 1) * (w + 1),) u4: the same for the cells of each row
+    share: NDArray[np.floating]  # (1,) f: probability that this light is sampled
+
+
 class TextureTable(NamedTuple):
     """Textures as kernels look them up; see passes/textures.py."""
 

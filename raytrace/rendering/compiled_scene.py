@@ -78,7 +78,7 @@ def trees_of(scene: Scene, plan: Plan, precision: str, paths: bool = False) -> T
     width = 4 if precision == "float32" else 8
     trees = 1 + (1 + paths) * plan.transparent
     textures = 0
-    if scene.textures is not None and paths:
+    if paths and (scene.textures is not None or scene.lights.image is not None):
         from raytrace.rendering.texture_table import texture_bytes
 
         textures = texture_bytes(scene, width)

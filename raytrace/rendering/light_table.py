@@ -25,6 +25,7 @@ from raytrace.passes.lights import (
 )
 from raytrace.passes.path_records import LightTable
 from raytrace.records import Scene
+from raytrace.rendering.environment_table import mean_radiance
 
 
 class Rows(NamedTuple):
@@ -114,9 +115,10 @@ def _rows(scene: Scene, bvh: BVH) -> list[Rows]:
         columns = {TOWARDS: -lights.directions.direction}
         rows.append(Rows(DIRECTIONAL, power, lights.directions.irradiance, columns, _zeros(power)))
     if lights.environment is not None:
-        power = np.array([disc * np.pi * (lights.environment @ luminance)])
+        radiance = lights.environment if lights.image is None else mean_radiance(lights.image)
+        power = np.array([disc * np.pi * (radiance @ luminance)])
         columns = {DENSITY: np.array([1 / (4 * np.pi)])}
-        rows.append(Rows(ENVIRONMENT, power, lights.environment[None], columns, _zeros(power)))
+        rows.append(Rows(ENVIRONMENT, power, radiance[None], columns, _zeros(power)))
     if scene.materials.emission is not None:
         prims, area = emitting(scene, bvh)
         colour = scene.materials.emission[scene.mesh.material_id[prims]]

@@ -8,9 +8,10 @@ import numpy as np
 
 from raytrace.accel import query
 from raytrace.accel.lanes import PACKET
-from raytrace.passes import compaction, lights, materials, paths, textures
+from raytrace.passes import compaction, environment, lights, materials, paths, textures
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.film import make_film, make_frame
+from raytrace.passes.lens import lens_rays, needs_lens
 from raytrace.passes.light_layers import accumulate_layers, develop_layers, mark_first, split
 from raytrace.records import (
     CONDUCTOR,
@@ -18,6 +19,7 @@ from raytrace.records import (
     MIRROR,
     REFRACTIVE,
     Directions,
+    EnvironmentImage,
     Lights,
     Materials,
     Rays,
@@ -27,7 +29,7 @@ from raytrace.records import (
 from raytrace.rendering.layered_wavefront import LayeredWavefront
 from raytrace.rendering.path_wavefront import PathWavefront
 from raytrace.scene.path_plan import NAMES
-from raytrace.texture_records import ATTRIBUTE, CHECKERBOARD, Texture, Textures
+from raytrace.texture_records import ATTRIBUTE, BILINEAR, CHECKERBOARD, Texture, Textures
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]  # a kernel and its arguments
 
@@ -55,6 +57,8 @@ class PathNeeds(NamedTuple):
     transparent: bool  # shadow rays pass a surface
     light: bool = False  # emission, direct and indirect light are kept
     textures: TextureNeeds | None = None  # None: there are none
+    image: bool = False  # of the environment
+    lens: bool = False  # a camera that is no pinhole, or a filter that is no box
 
 
 def path_needs_of(scene: Scene, integrator: str, light: bool = False) -> PathNeeds:
@@ -73,6 +77,8 @@ def path_needs_of(scene: Scene, integrator: str, light: bool = False) -> PathNee
         bool(scene.materials.transparent_shadow[used].any()),
         light,
         _texture_needs(scene),
+        scene.lights.image is not None,
+        needs_lens(scene.camera, scene.settings.filter),
     )
 
 
@@ -116,6 +122,9 @@ def small_scene(needs: PathNeeds, scene: Scene) -> Scene:
         spots=Spots(place, up, vector, np.ones(1), np.ones(1) / 2) if needs.spots else None,
         directions=Directions(up, vector) if needs.directions else None,
         environment=np.ones(3) if needs.environment else None,
+        image=EnvironmentImage(Texture(BILINEAR, vector[None], None, (1.0, 1.0), np.ones(3)), 1.0, np.eye(3))
+        if needs.image
+        else None,
     )
     mesh = scene.mesh
     rows = np.arange(max(n, 1)) % len(mesh.faces)
@@ -131,8 +140,9 @@ def small_scene(needs: PathNeeds, scene: Scene) -> Scene:
         mesh = mesh._replace(uv=corners[:, :, :2], colors=corners)
     background = np.ones(3) if needs.background else np.zeros(3)
     settings = scene.settings._replace(integrator=needs.integrator)
+    camera = scene.camera._replace(aperture=float(needs.lens))
     made = replace(scene, materials=table, lights=sources, mesh=mesh, background=background, settings=settings)
-    return replace(made, textures=textures)
+    return replace(made, textures=textures, camera=camera)
 
 
 def path_tracing(front: PathWavefront, rays: Rays) -> Iterator[Call]:
@@ -142,11 +152,16 @@ def path_tracing(front: PathWavefront, rays: Rays) -> Iterator[Call]:
     yield query.closest_hit, (scene.bvh.tree, rays, here.rays.hits, 0, front.work)
     if front.samples_lights:
         yield query.any_hit, (scene.shadow_bvh.tree, rays, incident.occluded, 0, front.work)
-    yield camera_rays, (front.view, front.sampler, pixels, pixels, numbers, here.rays.d)
+    if scene.lens is None:
+        yield camera_rays, (front.view, front.sampler, pixels, pixels, numbers, here.rays.d)
+    else:
+        yield lens_rays, (front.view, scene.lens, front.sampler, pixels, pixels, numbers, here.rays)
     yield paths.begin_paths, (front.sampler.seed, pixels, pixels, numbers, here, front.radiance)
     if scene.lamps:
         yield paths.see_lamps, (here, 0, scene.shading, scene.surfaces, scene.lamp_textures, front.radiance)
-    if scene.environment is not None:
+    if scene.image is not None:
+        yield environment.see_image, (here, 0, scene.image, front.radiance)
+    elif scene.environment is not None:
         yield paths.see_environment, (here, 0, scene.environment, front.radiance)
     elif scene.background is not None:
         yield paths.see_background, (here, 0, scene.background, front.radiance)
@@ -184,7 +199,9 @@ def _light_calls(front: PathWavefront) -> Iterator[Call]:
         yield lights.sample_spots, (here, 0, table, vertices, incident)
     if lights.DIRECTIONAL in kinds:
         yield lights.sample_directions, (here, 0, table, vertices, incident)
-    if lights.ENVIRONMENT in kinds:
+    if scene.image is not None:
+        yield environment.sample_image, (front.sampler, here, 0, 1, table, scene.image, vertices, incident)
+    elif lights.ENVIRONMENT in kinds:
         yield lights.sample_environment, (front.sampler, here, 0, 1, table, vertices, incident)
     if scene.passed_bvh is not None:
         yield lights.claim_light, (0, incident)

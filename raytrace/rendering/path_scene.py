@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 
 from raytrace.accel.bvh import BVH
 from raytrace.passes import lights
-from raytrace.passes.path_records import LightTable, Surfaces, TextureTable
+from raytrace.passes.lens import Lens, make_lens, needs_lens
+from raytrace.passes.path_records import EnvironmentTable, LightTable, Surfaces, TextureTable
 from raytrace.records import CONDUCTOR, Scene, Shading
+from raytrace.rendering.environment_table import make_environment_table
 from raytrace.rendering.light_table import make_light_table
 from raytrace.rendering.texture_table import make_texture_table
 
@@ -29,13 +31,23 @@ class PathScene(NamedTuple):
     light_kinds: frozenset[int]
     lamps: bool  # whether any surface emits
     environment: NDArray[np.floating] | None  # (4,) f: radiance, and the density of its sampling, 1 / sr
+    image: EnvironmentTable | None  # None: the environment is constant
     background: NDArray[np.floating] | None  # (3,) f; None: black
+    lens: Lens | None  # None: a pinhole, and a box filter
     textures: TextureTable | None = None  # None: no reflectance is a texture
     lamp_textures: TextureTable | None = None  # the same; None: no emission is a texture
 
     def kernel_key(self) -> tuple[Any, ...]:
         """What decides which kernels this scene needs."""
-        light = self.light_kinds, self.lights is None, self.lamps, self.environment is None, self.background is None
+        light = (
+            self.light_kinds,
+            self.lights is None,
+            self.lamps,
+            self.environment is None,
+            self.image is None,
+            self.lens is None,
+            self.background is None,
+        )
         tables = [table for table in (self.textures, self.lamp_textures) if table is not None]
         textures = tuple((table.uv is None, table.colors is None) for table in tables)
         kinds = self.textures is None, self.lamp_textures is None, *textures
@@ -57,6 +69,9 @@ def make_path_scene(scene: Scene, bvh: BVH, integrator: str) -> PathScene:
     if scene.lights.environment is not None and table is not None:
         density = table.share[table.kind == lights.ENVIRONMENT].sum() / (4 * np.pi)
         environment = np.append(scene.lights.environment, density).astype(dtype)
+    image = None
+    if environment is not None and scene.lights.image is not None:
+        image = make_environment_table(scene.lights.image, 4 * np.pi * density, dtype)
     textures = make_texture_table(scene, dtype)
     return PathScene(
         integrator,
@@ -72,7 +87,11 @@ def make_path_scene(scene: Scene, bvh: BVH, integrator: str) -> PathScene:
         frozenset() if table is None else frozenset(table.kind.tolist()),
         table is not None and bool((table.kind == lights.TRIANGLE).any()),
         environment,
+        image,
         scene.background.astype(dtype) if scene.background.any() else None,
+        make_lens(scene.camera, scene.settings.filter, dtype)
+        if needs_lens(scene.camera, scene.settings.filter)
+        else None,
         textures if textures is not None and (textures.reflectance >= 0).any() else None,
         textures if textures is not None and (textures.emission >= 0).any() else None,
     )

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from raytrace.accel import query
 from raytrace.accel.bvh import BVH
 from raytrace.accel.lanes import PACKET
-from raytrace.passes import compaction, lights, materials, paths, textures
+from raytrace.passes import compaction, environment, lights, materials, paths, textures
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.columns import BATCH_COLUMNS, ColumnMemory, shortened_record
 from raytrace.passes.film import accumulate
+from raytrace.passes.lens import lens_rays
 from raytrace.passes.path_records import Incident, Order, Paths, Vertices
 from raytrace.records import CONDUCTOR, DIELECTRIC, DIFFUSE, MIRROR, REFRACTIVE, Columns, Rays, View
 from raytrace.rendering.path_scene import PathScene
@@ -74,7 +75,10 @@ class PathWavefront:
         """Add samples ``first`` .. ``last - 1`` of all pixels (x, y) of a batch to their sums."""
         samples = np.array([first, last])
         self._clock = time.perf_counter()
-        camera_rays(self.view, self.sampler, x, y, samples, self.paths.rays.d)
+        if self.scene.lens is None:
+            camera_rays(self.view, self.sampler, x, y, samples, self.paths.rays.d)
+        else:
+            lens_rays(self.view, self.scene.lens, self.sampler, x, y, samples, self.paths.rays)
         paths.begin_paths(self.sampler.seed, x, y, samples, self.paths, self.radiance)
         self._lap("camera")
         self._trace(self.n)
@@ -84,7 +88,8 @@ class PathWavefront:
     def _trace(self, n: int) -> None:
         """Follow paths from surface to surface, until none is left or they have met ``max_depth`` surfaces."""
         scene, here, there = self.scene, self.paths, self.others
-        self._closest(here, Columns(self.view.origin, 0, 0, 1), n)
+        pinhole = Columns(self.view.origin, 0, 0, 1)
+        self._closest(here, pinhole if scene.lens is None else self._columns(here.rays.o), n)
         self.rays["camera"] += n
         for depth in range(1, scene.max_depth + 1):
             self._see(here, n, depth)
@@ -117,7 +122,9 @@ class PathWavefront:
         scene = self.scene
         if scene.lamps:
             paths.see_lamps(here, n, scene.shading, scene.surfaces, scene.lamp_textures, self.radiance)
-        if scene.environment is not None:
+        if scene.image is not None:
+            environment.see_image(here, n, scene.image, self.radiance)
+        elif scene.environment is not None:
             paths.see_environment(here, n, scene.environment, self.radiance)
         if self.finds_light:
             self._lap("emission")
@@ -138,7 +145,9 @@ class PathWavefront:
             lights.sample_spots(paths_, n, table, vertices, incident)
         if lights.DIRECTIONAL in kinds:
             lights.sample_directions(paths_, n, table, vertices, incident)
-        if lights.ENVIRONMENT in kinds:
+        if scene.image is not None:
+            environment.sample_image(self.sampler, paths_, n, depth, table, scene.image, vertices, incident)
+        elif lights.ENVIRONMENT in kinds:
             lights.sample_environment(self.sampler, paths_, n, depth, table, vertices, incident)
         if scene.passed_bvh is not None:
             self._query(scene.passed_bvh, incident.o, incident.d, incident.tmax, n)

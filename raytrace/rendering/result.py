@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from raytrace.accel.bvh import BVH
 from raytrace.image import files
 from raytrace.limits import LAYERS, LIGHT_LAYERS
-from raytrace.passes.camera import make_view, pinhole_directions
-from raytrace.records import Hits, Scene, Window
+from raytrace.passes.camera import make_view, parallel_origins, pinhole_directions
+from raytrace.records import Hits, Scene, View, Window
 
 if TYPE_CHECKING:
     from raytrace.rendering.checkpoint import Checkpoint
@@ -195,8 +195,7 @@ def trace_layers(
     bands = []
     for top in range(window.y, window.y + window.height, ROWS):
         y, x = np.mgrid[top : min(top + ROWS, window.y + window.height), window.x : window.x + window.width] + 0.5
-        d = pinhole_directions(view, x.ravel(), y.ravel())
-        bands.append(make(scene, bvh, bvh.closest_hit(scene.camera.position, d)))
+        bands.append(make(scene, bvh, bvh.closest_hit(*centre_rays(scene, view, x.ravel(), y.ravel()))))
     layers = {name: np.concatenate([band[name] for band in bands]) for name in bands[0]}
     return {name: layer.reshape(window.height, window.width, *layer.shape[1:]) for name, layer in layers.items()}
 
@@ -206,6 +205,14 @@ def _uv_of(scene: Scene, _bvh: BVH, hits: Hits) -> dict[str, NDArray[Any]]:
     from raytrace.rendering.uv_layer import uv_of
 
     return {"uv": uv_of(scene, hits)}
+
+
+def centre_rays(scene: Scene, view: View, x: NDArray[Any], y: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return origins and directions through points of the film, of a pinhole where the camera has a lens."""
+    if scene.camera.height is None:
+        return scene.camera.position, pinhole_directions(view, x, y)
+    o = parallel_origins(view, x, y)
+    return o, np.broadcast_to(view.forward, o.shape)
 
 
 def _layers_of(scene: Scene, bvh: BVH, hits: Hits) -> dict[str, NDArray[Any]]:

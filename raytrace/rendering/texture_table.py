@@ -49,9 +49,10 @@ def _texels(texture: Texture) -> int:
 
 
 def texture_bytes(scene: Scene, width: int) -> int:
-    """Bytes of the table of a scene; width: bytes of a float."""
+    """Bytes of the tables of the textures of a scene, and of its environment image; width: bytes of a float."""
+    image = 0 if scene.lights.image is None else 7 * scene.lights.image.texture.codes.size // 3 * 8  # while it is made
     if scene.textures is None:
-        return 0
+        return image
     texels = sum({_key(texture): _texels(texture) for texture in scene.textures.table}.values())
     corners = sum(array.size for array in (scene.mesh.uv, scene.mesh.colors) if array is not None)
-    return (3 * texels + corners) * width
+    return image + (3 * texels + corners) * width

@@ -1,5 +1,6 @@
 """Makes a scene of valid data: reads its meshes, makes its shapes, and fills its tables."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from raytrace.errors import FileError, FileMemoryError, SceneError
 from raytrace.limits import MAX_TRIANGLES
 from raytrace.memory import Allowance, Joining
-from raytrace.records import Camera, RawMesh, Scene, Settings
+from raytrace.records import Camera, EnvironmentImage, RawMesh, Scene, Settings
 from raytrace.scene import checks
 from raytrace.scene.attributes import COLOR, FROM_FILE, MATERIAL, NOTHING, UV, check_attributes, needed, wanted_of
 from raytrace.scene.files import Reach
@@ -19,7 +20,7 @@ from raytrace.scene.joining import MeshWarning, join
 from raytrace.scene.meshes.given import MARK, read_given
 from raytrace.scene.meshes.reading import read_mesh
 from raytrace.scene.positions import Origins
-from raytrace.scene.problems import MAX_PROBLEMS, Problem, shape_problem
+from raytrace.scene.problems import MAX_PROBLEMS, Problem, file_problem, shape_problem
 from raytrace.scene.shapes import make_shape, shape_of, shape_size, sphere_frequency
 from raytrace.scene.tables import lights_of, materials_of
 from raytrace.scene.text import Text
@@ -53,7 +54,8 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
     shapes.place_all()
     own = shapes.file_materials
     read = _read_textures(scene, reach, own) if needs or (own and own.textured) else None
-    if problems := shapes.problems + _at_objects(read, own):
+    image, image_problems = _read_environment(scene, reach)
+    if problems := shapes.problems + _at_objects(read, own) + image_problems:
         raise text.error(problems, origins)
     mesh, mesh_warnings = join(shapes.placed)
     materials, textures, warnings = materials_of(scene), None, checks.warn(data)
@@ -65,8 +67,7 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
     names = _names(scene)
     for i, what in shapes.warnings + mesh_warnings:
         warnings.append(Problem(("objects", i, shape_of(scene.objects[i])), f"{names[i]}: {what}"))
-    view = scene.camera
-    camera = Camera(np.array(view.position), np.array(view.look_at), np.array(view.up), view.fov)
+    camera = camera_of(scene.camera)
     background = np.array(scene.background)
     made = Scene(
         source=path,
@@ -75,7 +76,7 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
         settings=_settings(scene.film, scene.render),
         background=background,
         materials=materials,
-        lights=lights_of(scene),
+        lights=lights_of(scene, image),
         mesh=mesh,
         objects=names,
         warnings=(),
@@ -90,6 +91,14 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
     return replace(made, warnings=text.warn(warnings, origins)) if warnings else made
 
 
+def camera_of(view: Any) -> Camera:
+    """Camera of valid data."""
+    position, look_at = np.array(view.position), np.array(view.look_at)
+    focus = math.dist(look_at, position) if view.focus is None else view.focus
+    height = view.height if view.type == "orthographic" else None
+    return Camera(position, look_at, np.array(view.up), view.fov or 0.0, view.aperture, focus, height)
+
+
 def _settings(film: Any, render: Any) -> Settings:
     return Settings(
         film.size,
@@ -99,6 +108,7 @@ def _settings(film: Any, render: Any) -> Settings:
         render.precision,
         render.seed,
         render.integrator,
+        film.filter,
     )
 
 
@@ -116,6 +126,19 @@ def _at_objects(read: Any, own: Any) -> list[Problem]:
     """Return the problems of textures; those of materials of mesh files at the objects that have them."""
     problems: list[Problem] = read.problems if read else []
     return [own.at_object(problem) for problem in problems] if own else problems
+
+
+def _read_environment(scene: Any, reach: Reach) -> tuple[EnvironmentImage | None, list[Problem]]:
+    """Read the image of the environment of a scene that has one; or say what is wrong with it."""
+    for i, light in enumerate(scene.lights):
+        if light.type == "environment" and light.image is not None:
+            from raytrace.scene.environment import read_environment
+
+            try:
+                return read_environment(light, reach), []
+            except (SceneError, FileError, ValueError) as error:
+                return None, [file_problem(("lights", i, "image"), error)]
+    return None, []
 
 
 class ShapeReader:

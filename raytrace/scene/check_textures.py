@@ -23,7 +23,11 @@ def check_textures(data: dict[str, Any]) -> Iterator[Problem]:
 
 
 def textures_in(data: dict[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """Yield the path and the keys of each texture."""
+    """Yield the path and the keys of each texture, and of an environment."""
+    lights = data.get("lights")
+    for i, light in enumerate(lights if isinstance(lights, list) else []):
+        if isinstance(light, dict) and light.get("type") == "environment":
+            yield ("lights", i), light
     materials = data.get("materials")
     for name, material in (materials if isinstance(materials, dict) else {}).items():
         for key in TEXTURED if isinstance(material, dict) else ():

@@ -54,6 +54,7 @@ def _check_camera(camera: Any) -> Iterator[Problem]:
     up = _vector(camera, "up", [0.0, 1.0, 0.0])
     if up is not None and not any(up):
         yield Problem(("camera", "up"), "up has no direction; expected a vector other than 0")
+    yield from _check_projection(camera)
     if position is None or look_at is None:
         return
     if position == look_at:
@@ -64,6 +65,21 @@ def _check_camera(camera: Any) -> Iterator[Problem]:
         if _sine(_unit(up), _unit((x, y, z))) < MIN_SINE:
             text = "up is parallel to the view direction; choose another, such as [0, 0, 1] for a view straight down"
             yield Problem(("camera", "up") if "up" in camera else ("camera",), text)
+
+
+def _check_projection(camera: Any) -> Iterator[Problem]:
+    """Find keys that do not belong to the type of a camera."""
+    if not isinstance(camera, dict):
+        return
+    kind = camera.get("type", "perspective")
+    if kind == "perspective" and "height" in camera:
+        yield Problem(
+            ("camera", "height"), 'a perspective camera has "fov"; or set "type": "orthographic"', at_key=True
+        )
+    if kind == "orthographic":
+        for key, why in (("fov", '"height"'), ("aperture", "no lens"), ("focus", "no lens")):
+            if key in camera:
+                yield Problem(("camera", key), f"an orthographic camera has {why}; remove this key", at_key=True)
 
 
 def _check_rotations(path: Path, rotate: Any) -> Iterator[Problem]:
@@ -89,7 +105,10 @@ def check(data: dict[str, Any]) -> list[Problem]:
     """
     problems = list(_check_camera(data.get("camera")))
     problems += islice(chain(check_lights(data), check_materials(data), check_textures(data)), MAX_PROBLEMS)
-    materials = data.get("materials")
+    materials, lights = data.get("materials"), data.get("lights")
+    for i, light in enumerate(lights if isinstance(lights, list) else []):
+        if isinstance(light, dict) and light.get("type") == "environment" and len(problems) <= MAX_PROBLEMS:
+            problems += _check_rotations(("lights", i, "rotate"), light.get("rotate"))
     objects = data.get("objects")
     for i, entry in enumerate(objects if isinstance(objects, list) else []):
         if len(problems) > MAX_PROBLEMS:

@@ -25,6 +25,9 @@ def fingerprint(scene: "Scene") -> str:
         records = {"Textures": scene.textures} | {f"Texture{i}": each for i, each in enumerate(scene.textures.table)}
         content |= {f"{name}.{key}": value for name, each in records.items() for key, value in each._asdict().items()}
         content |= {f"Texture{i}.scale": np.array(each.scale) for i, each in enumerate(scene.textures.table)}
+    if (image := scene.lights.image) is not None:
+        content |= {f"EnvironmentImage.{key}": value for key, value in image.texture._asdict().items()}
+        content |= {"EnvironmentImage.scale": image.scale, "EnvironmentImage.turn": image.turn}
     for key, value in content.items():
         if key not in LEFT_OUT and value is not None and not isinstance(value, tuple):
             array = np.ascontiguousarray(value)

@@ -52,6 +52,7 @@ RULES: dict[tuple[str, str], Callable[[Any], Any]] = {  # (title of a model, key
     ("Object", "material"): material_name,
     ("Object", "scale"): scale_factors,
     ("Object", "rotate"): list_rotations,
+    ("EnvironmentLight", "rotate"): list_rotations,
     ("Object", "matrix"): check_matrix,
 }
 
@@ -213,7 +214,8 @@ class _Reader:
         for key in lacking:
             self._report(path, f'missing key "{key}": {known[key]["description"]}')
         if choice and not present:
-            self._report(path, f'missing key "{choice[0]}", or one of {listed(choice[1:])} instead')
+            others = f"one of {listed(choice[1:])}" if len(choice) > 2 else f'"{choice[1]}"'
+            self._report(path, f'missing key "{choice[0]}", or {others} instead')
         for pair in [present[:2], *(rule["not"]["required"] for rule in schema.get("allOf", ()))]:
             if len(pair) == 2 and all(key in value for key in pair):
                 self._report((*path, pair[1]), f'"{pair[0]}" and "{pair[1]}" exclude each other; keep one', at_key=True)

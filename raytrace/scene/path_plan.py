@@ -21,7 +21,9 @@ def needs_paths(scene: Scene, integrator: str) -> bool:
     others = (scene.materials.emission, lights.spots, lights.directions, lights.environment, scene.textures)
     kinds = scene.materials.kind[_used(scene)]
     simple = bool(((kinds == DIFFUSE) | (kinds == REFRACTIVE)).all())
-    return integrator == "path" or not simple or any(other is not None for other in others)
+    camera = scene.camera
+    lens = camera.aperture > 0 or camera.height is not None or scene.settings.filter != "box"
+    return integrator == "path" or lens or not simple or any(other is not None for other in others)
 
 
 def _used(scene: Scene) -> NDArray[np.intp]:

@@ -15,6 +15,7 @@ from raytrace.records import (
     MIRROR,
     REFRACTIVE,
     Directions,
+    EnvironmentImage,
     Lights,
     Materials,
     Spots,
@@ -82,8 +83,8 @@ def _index(material: Any) -> tuple[Sequence[float], Sequence[float]]:
     return material.eta, material.k
 
 
-def lights_of(scene: Any) -> Lights:
-    """Tables of the lights of a valid scene, kind by kind."""
+def lights_of(scene: Any, image: EnvironmentImage | None = None) -> Lights:
+    """Tables of the lights of a valid scene, kind by kind; image: that of its environment."""
     of = {kind: [light for light in scene.lights if light.type == kind] for kind in LIGHTS}
     spots, directions = of["spot"], of["directional"]
     axes = np.array([np.subtract(light.look_at, light.position) for light in spots]).reshape(-1, 3)
@@ -103,7 +104,8 @@ def lights_of(scene: Any) -> Lights:
         if spots
         else None,
         directions=Directions(_unit(ways), _rows(light.irradiance for light in directions)) if directions else None,
-        environment=np.array(of["environment"][0].radiance) if of["environment"] else None,
+        environment=_environment(of["environment"], image),
+        image=image,
         numbers=_file_order([light.type for light in scene.lights]),
     )
 
@@ -112,6 +114,12 @@ def _file_order(kinds: list[str]) -> tuple[int, ...]:
     """Numbers of the lights of a scene, kind by kind; () where that is their order."""
     numbers = sorted(range(len(kinds)), key=lambda k: LIGHTS.index(kinds[k]))
     return () if numbers == list(range(len(kinds))) else tuple(numbers)
+
+
+def _environment(lights: Sequence[Any], image: EnvironmentImage | None) -> NDArray[np.float64] | None:
+    if image is not None:
+        return image.texture.mean * image.scale
+    return np.array(lights[0].radiance) if lights else None
 
 
 def _rows(vectors: Iterable[Sequence[float]]) -> NDArray[np.float64]:
