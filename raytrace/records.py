@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from raytrace.scene.fingerprint import fingerprint
 
-DIFFUSE, REFRACTIVE, MIRROR, DIELECTRIC, CONDUCTOR = range(5)  # Materials.kind
+# Materials.kind
+DIFFUSE, REFRACTIVE, MIRROR, DIELECTRIC, CONDUCTOR, ROUGH_DIELECTRIC, ROUGH_CONDUCTOR, PLASTIC = range(8)
+SCATTERING = DIFFUSE, ROUGH_DIELECTRIC, ROUGH_CONDUCTOR, PLASTIC  # lit by lights; the others are perfectly specular
 
 
 class Camera(NamedTuple):
@@ -26,14 +28,17 @@ class Materials(NamedTuple):
     """Materials of surfaces, one row per material."""
 
     name: tuple[str, ...]  # names as in the scene file
-    kind: NDArray[np.int8]  # (k,) i1: DIFFUSE, REFRACTIVE, MIRROR, DIELECTRIC or CONDUCTOR
-    albedo: NDArray[np.float64]  # (k, 3) f8, 0..1: reflectance where diffuse or a mirror; 1 elsewhere
+    kind: NDArray[np.int8]  # (k,) i1: DIFFUSE, REFRACTIVE, MIRROR, DIELECTRIC, ...; see above
+    albedo: NDArray[
+        np.float64
+    ]  # (k, 3) f8, 0..1: reflectance of diffuse surfaces (of plastic: of its base), mirrors, metals
     ior: NDArray[np.float64]  # (k,) f8: index inside / index outside; 1 where nothing is transmitted
-    two_sided: NDArray[np.bool_]  # (k,) bool: diffuse on both sides of the geometric normal
+    two_sided: NDArray[np.bool_]  # (k,) bool: diffuse or plastic on both sides of the geometric normal
     transparent_shadow: NDArray[np.bool_]  # (k,) bool: shadow rays pass straight through
     emission: NDArray[np.float64] | None = None  # (k, 3) f8, W / (sr m2): radiance of the front; None: no lamps
     eta: NDArray[np.float64] | None = None  # (k, 3) f8: index of refraction of conductors; None: there are none
     k: NDArray[np.float64] | None = None  # (k, 3) f8: their absorption index; inf: all light is reflected
+    alpha: NDArray[np.float64] | None = None  # (k,) f8, 0..1: GGX width as the scene states it; None: 0 everywhere
 
 
 class Spots(NamedTuple):

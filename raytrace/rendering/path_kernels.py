@@ -132,8 +132,8 @@ def _light_calls(front: PathWavefront) -> Iterator[Call]:
 def _material_calls(front: PathWavefront) -> Iterator[Call]:
     scene, here, vertices = front.scene, front.paths, front.vertices
     surfaces, kinds = scene.surfaces, scene.kinds
-    if front.scatters:
-        yield materials.scatter_diffuse, (front.sampler, here, 0, 1, 0, surfaces, vertices, front.incident)
+    for _, scatter in front.scattering:
+        yield scatter, (front.sampler, here, 0, 1, 0, surfaces, vertices, front.incident)
     if MIRROR in kinds:
         yield materials.reflect_mirrors, (here, 0, surfaces, vertices)
     if CONDUCTOR in kinds:

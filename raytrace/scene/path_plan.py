@@ -1,9 +1,23 @@
 """What of path tracing a scene needs, and what it leaves out."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.records import CONDUCTOR, DIELECTRIC, DIFFUSE, MIRROR, REFRACTIVE, Scene
+from raytrace.limits import MIN_ALPHA
+from raytrace.records import (
+    CONDUCTOR,
+    DIELECTRIC,
+    DIFFUSE,
+    MIRROR,
+    PLASTIC,
+    REFRACTIVE,
+    ROUGH_CONDUCTOR,
+    ROUGH_DIELECTRIC,
+    SCATTERING,
+    Scene,
+)
 
 NAMES = {
     DIFFUSE: "diffuse",
@@ -11,6 +25,9 @@ NAMES = {
     DIELECTRIC: "dielectric",
     CONDUCTOR: "conductor",
     REFRACTIVE: "refractive",
+    ROUGH_DIELECTRIC: "rough dielectric",
+    ROUGH_CONDUCTOR: "rough conductor",
+    PLASTIC: "plastic",
 }
 
 
@@ -60,11 +77,13 @@ def path_passes(scene: Scene) -> tuple[tuple[str, str], ...]:
     if scene.background.any() and scene.lights.environment is None:
         rows.append(("background", "seen through perfectly specular surfaces only"))
     rows.append(("surface", "points and normals where paths meet surfaces"))
-    if DIFFUSE in kinds and _lit(scene):
+    if not kinds.isdisjoint(SCATTERING) and _lit(scene):
         rows.append(("light", "one light per surface that scatters, drawn by its power, and a point on it"))
         rows.append(("shadow", "one ray per surface that scatters, to that point"))
     for kind in sorted(kinds):
-        goes = "one ray more" if kind != DIFFUSE or path else "one ray more where it can meet a lamp or environment"
+        goes = (
+            "one ray more" if kind not in SCATTERING or path else "one ray more where it can meet a lamp or environment"
+        )
         rows.append((NAMES[kind], f"{goes}, {until}"))
     rows.append(("roulette", "paths of low throughput end by chance; those that have ended drop out"))
     return (*rows, ("film", "twelve sums per pixel: three channels in four bins"))
@@ -79,8 +98,9 @@ def _lit(scene: Scene) -> bool:
 def path_left_out(scene: Scene) -> tuple[tuple[str, str], ...]:
     """What does not run, and why."""
     kinds, lights = set(scene.materials.kind[_used(scene)].tolist()), scene.lights
+    scatters = not kinds.isdisjoint(SCATTERING)
     rows = [
-        ("light and shadow passes", "there is no light, or nothing that scatters it", DIFFUSE in kinds and _lit(scene)),
+        ("light and shadow passes", "there is no light, or nothing that scatters it", scatters and _lit(scene)),
         ("sampling of lamps", "no surface emits", lamp_triangles(scene) > 0),
         ("sampling of spot lights", "there is none", lights.spots is not None),
         ("sampling of directional lights", "there is none", lights.directions is not None),
@@ -92,4 +112,18 @@ def path_left_out(scene: Scene) -> tuple[tuple[str, str], ...]:
     ]
     if scene.materials.transparent_shadow[_used(scene)].any():
         rows.append(("bending of shadow rays", 'a material has "shadows": "transparent", which is not physical', False))
+    rows += [(f"roughness of {name}", why, False) for name, why in _smoothed(scene)]
     return tuple((what, why) for what, why, needed in rows if not needed)
+
+
+def _smoothed(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Materials whose alpha has no effect, and why."""
+    table = scene.materials
+    if table.alpha is None:
+        return
+    for row in _used(scene).tolist():
+        alpha = float(table.alpha[row])
+        if alpha > 0 and table.kind[row] in (DIELECTRIC, CONDUCTOR):
+            small = f"alpha {alpha:g} is below {MIN_ALPHA:g}"
+            why = small if alpha < MIN_ALPHA else "its ior is 1, which bends no light"
+            yield table.name[row], f"{why}: the surface is smooth"
