@@ -193,7 +193,8 @@ WRONG = [
     (
         "materials.white.type",
         "difuse",
-        'unknown type "difuse"; did you mean "diffuse"? (known: diffuse, mirror, dielectric, conductor, plastic, refractive)',
+        'unknown type "difuse"; did you mean "diffuse"? '
+        "(known: diffuse, mirror, dielectric, conductor, plastic, refractive)",
     ),
     ("materials.white.albeedo", [0, 0, 0], 'unknown key "albeedo"; did you mean "albedo"?'),
     ("materials.white.ior", 1.5, 'unknown key "ior" (known: type, albedo, two_sided, emission)'),

@@ -5,6 +5,8 @@ is scattered again, any number of times, which the factor 1 / (1 - albedo F_in) 
 f = (albedo / pi) (1 - F_i) (1 - F_o) / (ior^2 (1 - albedo F_in)), beside the reflection.
 """
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -125,9 +127,16 @@ def internal_reflectance(ior: NDArray[np.float64]) -> NDArray[np.float64]:
     >>> internal_reflectance(np.array([1.0, 1.5])).round(4)
     array([0.    , 0.5963])
     """
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    nodes, weights = _gauss()
     t = (0.5 + 0.5 * nodes)[:, None]
     dense = np.maximum(ior, 1 / ior)
     share, _ = fresnel(t * t + 0 * dense, dense + 0 * t)
     outside = np.asarray((2 * weights[:, None] * t * t * t * share).sum(axis=0))
     return np.where(ior > 1, 1 - (1 - outside) / (ior * ior), outside)
+
+
+@functools.cache
+def _gauss() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Nodes and weights for -1 .. 1."""
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    return nodes, weights
