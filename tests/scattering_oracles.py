@@ -63,11 +63,12 @@ def charts(material: dict[str, Any], wo: np.ndarray) -> list[tuple[int, Chart]]:
     mirror = np.array([-wo[0], -wo[1], wo[2]])
     eta = material.get("ior", 1.0) if wo[2] > 0 else 1 / material.get("ior", 1.0)
     across = -wo[:2] / eta
-    rest = 1 - across @ across
-    side = -np.sign(wo[2])
-    through = np.array([*across, side * math.sqrt(rest)]) if rest > 0 else np.array([0, 0, side])
-    bend = abs(eta - 1) / eta if material["type"] == "dielectric" else 1.0
-    return [(1, Chart(mirror, alpha)), (-1, Chart(through, alpha * bend))]
+    length = math.hypot(*across)
+    across /= max(length, 1.0)  # where all is reflected, what is rough transmits along the surface
+    rest = math.sqrt(1 - length**2) if length < 1 else 1e-9
+    through = np.array([*across, -math.copysign(rest, wo[2])])
+    bend = abs(eta - 1) / eta if material["type"] == "dielectric" and length < 1 else 1.0
+    return [(1, Chart(mirror, alpha)), (-1, Chart(through, alpha * bend if length < 1 else min(alpha, 0.1)))]
 
 
 def cell_integrals(function: Any, chart: Chart, bins: int, cells: np.ndarray, fine: int) -> np.ndarray:
