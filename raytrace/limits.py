@@ -3,6 +3,8 @@
 LAYERS = "depth", "normal", "albedo", "prim_id", "position", "samples", "uv"  # AOVs
 LIGHT_LAYERS = "emission", "direct", "indirect"  # AOVs of the samples themselves, with integrator path
 
+MIN_ALPHA = 1e-3  # GGX width: below it a surface is smooth
+
 MAX_SIDE = 65_536  # pixels along a side of the film
 MAX_PIXELS = 2**28  # pixels of a film: 3 GiB of float32 RGB, 16384 x 16384
 MAX_SPP = 65_536  # samples per pixel; halves the noise of 16384, and sample numbers stay within 16 bits

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.scene.fingerprint import fingerprint
-from raytrace.texture_records import FileMaterial, Texture, Textures
+from raytrace.texture_records import EnvironmentImage, FileMaterial, Textures
 
 if TYPE_CHECKING:
     from raytrace.scene.uv_source import UvSource
 
-DIFFUSE, REFRACTIVE, MIRROR, DIELECTRIC, CONDUCTOR = range(5)  # Materials.kind
+DIFFUSE, REFRACTIVE, MIRROR, DIELECTRIC, CONDUCTOR, ROUGH_DIELECTRIC, ROUGH_CONDUCTOR, PLASTIC = range(8)
+SCATTERING = DIFFUSE, ROUGH_DIELECTRIC, ROUGH_CONDUCTOR, PLASTIC  # lit by lights; the others are perfectly specular
 
 
 class Camera(NamedTuple):
@@ -33,14 +34,15 @@ class Materials(NamedTuple):
     """Materials of surfaces, one row per material."""
 
     name: tuple[str, ...]  # names as in the scene file
-    kind: NDArray[np.int8]  # (k,) i1: DIFFUSE, REFRACTIVE, MIRROR, DIELECTRIC or CONDUCTOR
-    albedo: NDArray[np.float64]  # (k, 3) f8, 0..1: reflectance where diffuse or a mirror; of a texture its mean; else 1
+    kind: NDArray[np.int8]  # (k,) i1: DIFFUSE, REFRACTIVE, MIRROR, DIELECTRIC, ...; see above
+    albedo: NDArray[np.float64]  # (k, 3) f8, 0..1: reflectance of diffuse, plastic's base, mirrors, metals; or its mean
     ior: NDArray[np.float64]  # (k,) f8: index inside / index outside; 1 where nothing is transmitted
-    two_sided: NDArray[np.bool_]  # (k,) bool: diffuse on both sides of the geometric normal
+    two_sided: NDArray[np.bool_]  # (k,) bool: diffuse or plastic on both sides of the geometric normal
     transparent_shadow: NDArray[np.bool_]  # (k,) bool: shadow rays pass straight through
     emission: NDArray[np.float64] | None = None  # (k, 3) f8, W / (sr m2): of the front, or its mean; None: no lamps
     eta: NDArray[np.float64] | None = None  # (k, 3) f8: index of conductors; 0: from a texture; None: there are none
     k: NDArray[np.float64] | None = None  # (k, 3) f8: their absorption index; inf: all light is reflected
+    alpha: NDArray[np.float64] | None = None  # (k,) f8, 0..1: GGX width as the scene states it; None: 0 everywhere
 
 
 class Spots(NamedTuple):
@@ -58,14 +60,6 @@ class Directions(NamedTuple):
 
     direction: NDArray[np.float64]  # (l, 3) f8: unit direction in which the light goes
     irradiance: NDArray[np.float64]  # (l, 3) f8, W / m2: on a plane that faces the light
-
-
-class EnvironmentImage(NamedTuple):
-    """A latitude-longitude image as an environment, y up."""
-
-    texture: Texture  # linear radiance
-    scale: float  # factor of its radiance
-    turn: NDArray[np.float64]  # (3, 3) f8: rotation from the image to the world
 
 
 class Lights(NamedTuple):

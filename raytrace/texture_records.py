@@ -54,3 +54,11 @@ class FileMaterial(NamedTuple):
     two_sided: bool = False
     nearest: bool = False  # whether the image is not interpolated
     left_out: tuple[str, ...] = ()  # what the file has, and is not read
+
+
+class EnvironmentImage(NamedTuple):
+    """A latitude-longitude image as an environment, y up."""
+
+    texture: Texture  # linear radiance
+    scale: float  # factor of its radiance
+    turn: NDArray[np.float64]  # (3, 3) f8: rotation from the image to the world

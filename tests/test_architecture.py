@@ -31,6 +31,9 @@ MANY_ARGUMENTS: dict[str, str] = {
     "passes/lights.py:sample_triangles": RECORDS,
     "passes/lights.py:sample_environment": RECORDS,
     "passes/materials.py:scatter_diffuse": RECORDS,
+    "passes/rough.py:scatter_conductors": RECORDS,
+    "passes/rough.py:scatter_dielectrics": RECORDS,
+    "passes/plastic.py:scatter_plastic": RECORDS,
     "passes/materials.py:send": "all that a material says of how a path goes on",
 }
 

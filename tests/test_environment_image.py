@@ -8,9 +8,8 @@ import pytest
 import raytrace as rt
 from raytrace.errors import SceneError
 from raytrace.passes import angles, environment
-from raytrace.records import EnvironmentImage
 from raytrace.rendering.environment_table import begins_of, make_environment_table
-from raytrace.texture_records import BILINEAR, Texture
+from raytrace.texture_records import BILINEAR, EnvironmentImage, Texture
 
 SHAPE = 6, 12  # texels
 PLANE = [{"rectangle": {}, "material": "grey"}]

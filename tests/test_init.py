@@ -42,7 +42,7 @@ HEAVY = {
 }
 FUNCTIONS = {"load", "render", "explain", "compare", "demo", "reflect", "refract", "report", "spawn_ray"}
 CLASSES = {"BVH", "Render", "Scene", "Hits", "Surface", "RaytraceError", "SceneError", "FileError", "OptionError"}
-ROOMS = {"show", "textbook"}
+ROOMS = {"bsdf", "show", "textbook"}
 SUBMODULES = [
     "rendering.rendering",
     "rendering.result",

@@ -28,6 +28,7 @@ TITLES = {
     "Mirror": "A material of type `mirror`",
     "Dielectric": "A material of type `dielectric`",
     "Conductor": "A material of type `conductor`",
+    "Plastic": "A material of type `plastic`",
     "Refractive": "A material of type `refractive`",
     "Texture": "A texture",
     "Object": "An entry of `objects`",
@@ -194,13 +195,18 @@ WRONG = [
     (
         "materials.white.type",
         "difuse",
-        'unknown type "difuse"; did you mean "diffuse"? (known: diffuse, mirror, dielectric, conductor, refractive)',
+        'unknown type "difuse"; did you mean "diffuse"? '
+        "(known: diffuse, mirror, dielectric, conductor, plastic, refractive)",
     ),
     ("materials.white.albeedo", [0, 0, 0], 'unknown key "albeedo"; did you mean "albedo"?'),
     ("materials.white.ior", 1.5, 'unknown key "ior" (known: type, albedo, two_sided, emission)'),
     ("materials.glass.ior", 0, "expected a number > 0, got 0"),
     ("materials.glass.shadows", "none", 'unknown shadows "none" (known: opaque, transparent)'),
-    ("materials.glass", {"ior": 1.5}, 'missing key "type": one of diffuse, mirror, dielectric, conductor, refractive'),
+    (
+        "materials.glass",
+        {"ior": 1.5},
+        'missing key "type": one of diffuse, mirror, dielectric, conductor, plastic, refractive',
+    ),
     ("materials.glass", None, "expected an object, got null"),
     ("objects", [], "the list is empty; add at least one entry"),
     ("objects.0.mesh", "", 'expected a string that is not empty, got ""'),

@@ -27,7 +27,6 @@ from raytrace.passes.sampling import unit_interval
 from raytrace.passes.surface import load3, point_on, row_of, spawn, store3
 from raytrace.passes.textures import varied
 from raytrace.passes.warp import sphere, triangle
-from raytrace.records import DIFFUSE
 
 TRIANGLE, POINT, SPOT, DIRECTIONAL, ENVIRONMENT = range(5)  # LightTable.kind
 COLUMNS = 16  # of LightTable.numbers: radiance, intensity or irradiance (3), then by kind:
@@ -55,7 +54,7 @@ def pick_lights(sampler, paths, n, depth, table, surfaces, vertices, incident):
         material = load(vertices.material_id, i, like)
         there = material >= np.int32(0)
         material = select(there, material, np.int32(0))
-        there = there & (gather(surfaces.kind, material) == np.int32(DIFFUSE))
+        there = there & (gather(surfaces.scatters, material) > np.int32(0))
         there = there & (load(vertices.front, i, like) | (gather(surfaces.two_sided, material) > np.int32(0)))
         if bits(there) == 0:
             store(incident.light, i, splat_int(-1, like))

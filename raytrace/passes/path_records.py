@@ -65,8 +65,11 @@ class Surfaces(NamedTuple):
     density: NDArray[np.floating]  # (k,) f, 1 / m2: of a point on a lamp of this material, when lights are sampled
     eta: NDArray[np.floating]  # (k * 3,) f: index of refraction; of a dielectric three times the same; 0: of a texture
     k: NDArray[np.floating]  # (k * 3,) f: absorption index of a conductor; inf: it reflects everything
-    two_sided: NDArray[np.int32]  # (k,) i4: 0 or 1
+    two_sided: NDArray[np.int32]  # (k,) i4: 0 or 1; 1 where rough, because both sides reflect
     transparent_shadow: NDArray[np.int32]  # (k,) i4: 0 or 1
+    scatters: NDArray[np.int32]  # (k,) i4: 0 or 1; 0: perfectly specular
+    alpha: NDArray[np.floating]  # (k,) f: GGX width
+    internal: NDArray[np.floating]  # (k,) f: share of diffuse light from inside that a coat reflects; 0 without a coat
 
 
 class Order(NamedTuple):

@@ -66,3 +66,14 @@ def around(n, w):
     y = w[0] * (sign * b) + (w[1] * (sign + n[1] * n[1] * a) + w[2] * n[1])
     z = w[2] * n[2] - (w[0] * (sign * n[0]) + w[1] * n[1])
     return x, y, z
+
+
+@inlined
+def to_frame(n, w):
+    """A vector of world space in the frame of ``around``: the transposed matrix."""
+    sign = select(n[2] < 0.0, splat(-1.0, n[2]), 1.0)
+    a = -1.0 / (sign + n[2])
+    b = n[0] * n[1] * a
+    x = w[0] * (1.0 + sign * n[0] * n[0] * a) + (w[1] * (sign * b) - w[2] * (sign * n[0]))
+    y = w[0] * b + (w[1] * (sign + n[1] * n[1] * a) - w[2] * n[1])
+    return x, y, w[0] * n[0] + (w[1] * n[1] + w[2] * n[2])

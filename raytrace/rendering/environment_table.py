@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from raytrace.passes.angles import sin_cos_of_turns
 from raytrace.passes.environment import BLUE, GREEN, RED
 from raytrace.passes.path_records import EnvironmentTable
-from raytrace.records import EnvironmentImage
+from raytrace.texture_records import EnvironmentImage
 
 ALL = 2**32 - 1  # random numbers that are shared out; the last one is nobody's
 

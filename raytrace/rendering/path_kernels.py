@@ -19,7 +19,6 @@ from raytrace.records import (
     MIRROR,
     REFRACTIVE,
     Directions,
-    EnvironmentImage,
     Lights,
     Materials,
     Rays,
@@ -29,7 +28,7 @@ from raytrace.records import (
 from raytrace.rendering.layered_wavefront import LayeredWavefront
 from raytrace.rendering.path_wavefront import PathWavefront
 from raytrace.scene.path_plan import NAMES
-from raytrace.texture_records import ATTRIBUTE, BILINEAR, CHECKERBOARD, Texture, Textures
+from raytrace.texture_records import ATTRIBUTE, BILINEAR, CHECKERBOARD, EnvironmentImage, Texture, Textures
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]  # a kernel and its arguments
 
@@ -210,8 +209,8 @@ def _light_calls(front: PathWavefront) -> Iterator[Call]:
 def _material_calls(front: PathWavefront) -> Iterator[Call]:
     scene, here, vertices = front.scene, front.paths, front.vertices
     surfaces, kinds = scene.surfaces, scene.kinds
-    if front.scatters:
-        yield materials.scatter_diffuse, (front.sampler, here, 0, 1, 0, surfaces, vertices, front.incident)
+    for _, scatter in front.scattering:
+        yield scatter, (front.sampler, here, 0, 1, 0, surfaces, vertices, front.incident)
     if MIRROR in kinds:
         yield materials.reflect_mirrors, (here, 0, surfaces, vertices)
     if CONDUCTOR in kinds:

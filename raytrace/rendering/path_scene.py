@@ -9,7 +9,7 @@ from raytrace.accel.bvh import BVH
 from raytrace.passes import lights
 from raytrace.passes.lens import Lens, make_lens, needs_lens
 from raytrace.passes.path_records import EnvironmentTable, LightTable, Surfaces, TextureTable
-from raytrace.records import CONDUCTOR, Scene, Shading
+from raytrace.records import CONDUCTOR, PLASTIC, ROUGH_CONDUCTOR, ROUGH_DIELECTRIC, SCATTERING, Scene, Shading
 from raytrace.rendering.environment_table import make_environment_table
 from raytrace.rendering.light_table import make_light_table
 from raytrace.rendering.texture_table import make_texture_table
@@ -81,7 +81,7 @@ def make_path_scene(scene: Scene, bvh: BVH, integrator: str) -> PathScene:
         passed,
         Shading(bvh.triangles.ravel(), mesh.material_id, np.zeros(0, dtype)),
         None if mesh.normals is None else mesh.normals.astype(dtype).ravel(),
-        _surfaces(scene, table, dtype),
+        make_surfaces(scene, table, dtype),
         frozenset(scene.materials.kind[used].tolist()),
         table,
         frozenset() if table is None else frozenset(table.kind.tolist()),
@@ -97,7 +97,8 @@ def make_path_scene(scene: Scene, bvh: BVH, integrator: str) -> PathScene:
     )
 
 
-def _surfaces(scene: Scene, table: LightTable | None, dtype: np.dtype) -> Surfaces:
+def make_surfaces(scene: Scene, table: LightTable | None, dtype: np.dtype) -> Surfaces:
+    """Table of the materials of a scene, and how densely its lamps are sampled."""
     given = scene.materials
     n = len(given.kind)
     emission = np.zeros((n, 3)) if given.emission is None else given.emission
@@ -108,7 +109,7 @@ def _surfaces(scene: Scene, table: LightTable | None, dtype: np.dtype) -> Surfac
             density[material] = table.numbers.reshape(-1, lights.COLUMNS)[row, lights.DENSITY]
     eta = np.repeat(given.ior[:, None], 3, axis=1)
     if given.eta is not None:
-        eta = np.where((given.kind == CONDUCTOR)[:, None], given.eta, eta)
+        eta = np.where(np.isin(given.kind, (CONDUCTOR, ROUGH_CONDUCTOR))[:, None], given.eta, eta)
     return Surfaces(
         given.kind.astype(np.int32),
         given.albedo.astype(dtype).ravel(),
@@ -116,6 +117,19 @@ def _surfaces(scene: Scene, table: LightTable | None, dtype: np.dtype) -> Surfac
         density.astype(dtype),
         eta.astype(dtype).ravel(),
         (np.zeros((n, 3)) if given.k is None else given.k).astype(dtype).ravel(),
-        given.two_sided.astype(np.int32),
+        (given.two_sided | np.isin(given.kind, (ROUGH_DIELECTRIC, ROUGH_CONDUCTOR))).astype(np.int32),
         given.transparent_shadow.astype(np.int32),
+        np.isin(given.kind, SCATTERING).astype(np.int32),
+        (np.zeros(n) if given.alpha is None else given.alpha).astype(dtype),
+        _internal(scene).astype(dtype),
     )
+
+
+def _internal(scene: Scene) -> NDArray[np.float64]:
+    """Share of diffuse light from inside that each material's coat reflects."""
+    kind, internal = scene.materials.kind, np.zeros(len(scene.materials.kind))
+    if (kind == PLASTIC).any():
+        from raytrace.passes.plastic import internal_reflectance
+
+        internal[kind == PLASTIC] = internal_reflectance(scene.materials.ior[kind == PLASTIC])
+    return internal

@@ -16,8 +16,9 @@ from raytrace.passes.columns import BATCH_COLUMNS, ColumnMemory, shortened_recor
 from raytrace.passes.film import accumulate
 from raytrace.passes.lens import lens_rays
 from raytrace.passes.path_records import Incident, Order, Paths, Vertices
-from raytrace.records import CONDUCTOR, DIELECTRIC, DIFFUSE, MIRROR, REFRACTIVE, Columns, Rays, View
+from raytrace.records import CONDUCTOR, DIELECTRIC, MIRROR, REFRACTIVE, Columns, Rays, View
 from raytrace.rendering.path_scene import PathScene
+from raytrace.rendering.scattering import scattering_passes
 
 PATH_COLUMNS, VERTEX_COLUMNS, INCIDENT_COLUMNS = BATCH_COLUMNS + 8, 12, 16
 
@@ -55,8 +56,8 @@ class PathWavefront:
         numbers = memory.take(dtype=np.int32), memory.take(dtype=np.int32)
         self.order = Order(*numbers, compaction.make_counts())
         self.order.numbers[:] = 0
-        self.scatters = DIFFUSE in scene.kinds and scene.integrator != "emission"
-        self.samples_lights = self.scatters and scene.lights is not None
+        self.scattering = scattering_passes(scene.kinds) if scene.integrator != "emission" else []
+        self.samples_lights = bool(self.scattering) and scene.lights is not None
         self.finds_light = scene.lamps or scene.environment is not None  # whether a ray can meet a light
         self.zero, self.infinity = np.zeros(1, dtype), np.full(1, np.inf, dtype)
         self.resize(n)
@@ -156,10 +157,10 @@ class PathWavefront:
     def _scatter(self, here: Paths, n: int, depth: int) -> None:
         """Send paths on, by the materials that they met."""
         kinds, surfaces, vertices = self.scene.kinds, self.scene.surfaces, self.vertices
-        if self.scatters:
-            mark = 0 if self.scene.integrator == "path" else paths.ENDING if self.finds_light else paths.DEAD
-            materials.scatter_diffuse(self.sampler, here, n, depth, mark, surfaces, vertices, self.incident)
-            self._lap("diffuse")
+        mark = 0 if self.scene.integrator == "path" else paths.ENDING if self.finds_light else paths.DEAD
+        for name, scatter in self.scattering:
+            scatter(self.sampler, here, n, depth, mark, surfaces, vertices, self.incident)
+            self._lap(name)
         if MIRROR in kinds:
             materials.reflect_mirrors(here, n, surfaces, vertices)
             self._lap("mirror")

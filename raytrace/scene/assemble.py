@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from raytrace.errors import FileError, FileMemoryError, SceneError
 from raytrace.limits import MAX_TRIANGLES
 from raytrace.memory import Allowance, Joining
-from raytrace.records import Camera, EnvironmentImage, RawMesh, Scene, Settings
+from raytrace.records import Camera, RawMesh, Scene, Settings
 from raytrace.scene import checks
 from raytrace.scene.attributes import COLOR, FROM_FILE, MATERIAL, NOTHING, UV, check_attributes, needed, wanted_of
 from raytrace.scene.files import Reach
@@ -26,6 +26,7 @@ from raytrace.scene.tables import lights_of, materials_of
 from raytrace.scene.text import Text
 from raytrace.scene.transforms import PlacedMesh, place
 from raytrace.scene.uv_source import UvSource, with_uv
+from raytrace.texture_records import EnvironmentImage
 
 
 def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, origins: Origins, reach: Reach) -> Scene:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
+from raytrace.limits import MIN_ALPHA
 from raytrace.scene.problems import Problem
 
 WAYS = "metal, eta with k, or reflectance"  # in which a conductor may be given
@@ -37,7 +38,14 @@ def check_materials(data: dict[str, Any]) -> Iterator[Problem]:
     """Find what the keys of materials disagree on, in a scene that need not be valid."""
     materials = data.get("materials")
     for name, material in (materials if isinstance(materials, dict) else {}).items():
-        if not isinstance(material, dict) or material.get("type") != "conductor":
+        if not isinstance(material, dict):
+            continue
+        alpha = material.get("alpha")
+        rough = material.get("type") == "dielectric" and isinstance(alpha, int | float) and alpha >= MIN_ALPHA
+        if rough and "shadows" in material:
+            text = f"shadow rays cannot pass a rough surface; remove shadows, or use an alpha below {MIN_ALPHA:g}"
+            yield Problem(("materials", name, "shadows"), text, at_key=True)
+        if material.get("type") != "conductor":
             continue
         given = {key for key in ("metal", "eta", "k", "reflectance") if material.get(key) is not None}
         if given not in ({"metal"}, {"eta", "k"}, {"reflectance"}):

@@ -7,10 +7,10 @@ import numpy as np
 from raytrace.errors import SceneError
 from raytrace.image.texels import read_texels
 from raytrace.limits import MAX_TEXELS
-from raytrace.records import EnvironmentImage
 from raytrace.scene.files import Reach, locate_image
 from raytrace.scene.textures import check_values, image_texture, is_srgb
 from raytrace.scene.transforms import rotation
+from raytrace.texture_records import EnvironmentImage
 
 
 def read_environment(light: Any, reach: Reach) -> EnvironmentImage:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.errors import printable
-from raytrace.records import DIFFUSE, MIRROR, Scene
+from raytrace.records import DIFFUSE, MIRROR, SCATTERING, Scene
 
 ROULETTE_FROM, SURVIVE = 5, 0.05  # as in passes/paths.py
 SMALL = 1e-3  # area of a lamp over that of the sphere around the scene: a smaller one is found by chance only
@@ -35,13 +35,14 @@ def most_rays(scene: Scene) -> MostRays:
     """
     used = np.flatnonzero(np.bincount(scene.mesh.material_id))
     kinds, depth, path = scene.materials.kind[used], scene.settings.max_depth, scene.settings.integrator == "path"
-    scatters, finds = bool((kinds == DIFFUSE).any()), meets_light(scene)
+    ends = np.array([kind in SCATTERING for kind in kinds.tolist()])
+    scatters, finds = bool(ends.any()), meets_light(scene)
     fixed = (kinds == DIFFUSE) | (kinds == MIRROR)
     if scene.textures is not None:  # the table has the mean of a texture
         fixed &= scene.textures.reflectance[used] < 0
     reflectance = np.where(fixed[:, None], scene.materials.albedo[used], 1.0)
     if not path:  # only what is perfectly specular sends paths on, but for one ray that looks for light
-        reflectance[kinds == DIFFUSE] = 0.0
+        reflectance[ends] = 0.0
     alive = _alive(depth, float(reflectance.max()))
     if not path:
         most = min(sum(alive) + float(finds and scatters), depth + 1.0)

@@ -1,9 +1,23 @@
 """What of path tracing a scene needs, and what it leaves out."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.records import CONDUCTOR, DIELECTRIC, DIFFUSE, MIRROR, REFRACTIVE, Scene
+from raytrace.limits import MIN_ALPHA
+from raytrace.records import (
+    CONDUCTOR,
+    DIELECTRIC,
+    DIFFUSE,
+    MIRROR,
+    PLASTIC,
+    REFRACTIVE,
+    ROUGH_CONDUCTOR,
+    ROUGH_DIELECTRIC,
+    SCATTERING,
+    Scene,
+)
 from raytrace.texture_records import ATTRIBUTE, BILINEAR, CHECKERBOARD, NEAREST
 
 NAMES = {
@@ -12,6 +26,9 @@ NAMES = {
     DIELECTRIC: "dielectric",
     CONDUCTOR: "conductor",
     REFRACTIVE: "refractive",
+    ROUGH_DIELECTRIC: "rough dielectric",
+    ROUGH_CONDUCTOR: "rough conductor",
+    PLASTIC: "plastic",
 }
 
 
@@ -69,7 +86,7 @@ def path_passes(scene: Scene) -> tuple[tuple[str, str], ...]:
     rows.append(("surface", "points and normals where paths meet surfaces"))
     if scene.textures is not None and (scene.textures.reflectance >= 0).any():
         rows.append(("texture", f"the reflectance there, of {texture_words(scene)}"))
-    if DIFFUSE in kinds and _lit(scene):
+    if not kinds.isdisjoint(SCATTERING) and _lit(scene):
         rows.append(("light", "one light per surface that scatters, drawn by its power, and a point on it"))
         text = f"one ray per surface that scatters, at most {most.shadow:.3g} per sample on average"
         if scene.materials.transparent_shadow[_used(scene)].any():
@@ -77,7 +94,7 @@ def path_passes(scene: Scene) -> tuple[tuple[str, str], ...]:
         rows.append(("shadow", text))
     for kind in sorted(kinds):
         goes = f"one ray more per hit, at most {most.closest - 1:.3g} per sample on average, {until}"
-        if kind == DIFFUSE and not path:
+        if kind in SCATTERING and not path:
             goes = "one ray more, which looks for light" if meets_light(scene) else "no ray more: the path ends"
         rows.append((NAMES[kind], goes))
     rows.append(("roulette", "paths of low throughput end by chance; those that have ended drop out"))
@@ -93,8 +110,9 @@ def _lit(scene: Scene) -> bool:
 def path_left_out(scene: Scene) -> tuple[tuple[str, str], ...]:
     """What does not run, and why."""
     kinds, lights = set(scene.materials.kind[_used(scene)].tolist()), scene.lights
+    scatters = not kinds.isdisjoint(SCATTERING)
     rows = [
-        ("light and shadow passes", "there is no light, or nothing that scatters it", DIFFUSE in kinds and _lit(scene)),
+        ("light and shadow passes", "there is no light, or nothing that scatters it", scatters and _lit(scene)),
         ("sampling of lamps", "no surface emits", lamp_triangles(scene) > 0),
         ("sampling of spot lights", "there is none", lights.spots is not None),
         ("sampling of directional lights", "there is none", lights.directions is not None),
@@ -107,6 +125,7 @@ def path_left_out(scene: Scene) -> tuple[tuple[str, str], ...]:
     ]
     if scene.materials.transparent_shadow[_used(scene)].any():
         rows.append(("bending of shadow rays", 'a material has "shadows": "transparent", which is not physical', False))
+    rows += [(f"roughness of {name}", why, False) for name, why in _smoothed(scene)]
     return tuple((what, why) for what, why, needed in rows if not needed)
 
 
@@ -136,3 +155,16 @@ def _textures_left_out(scene: Scene) -> tuple[tuple[str, str, bool], ...]:
         ("images and checkerboards", "all textures are vertex colours", kinds != {ATTRIBUTE}),
         ("vertex colours", "no texture looks them up", ATTRIBUTE in kinds),
     )
+
+
+def _smoothed(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Materials whose alpha has no effect, and why."""
+    table = scene.materials
+    if table.alpha is None:
+        return
+    for row in _used(scene).tolist():
+        alpha = float(table.alpha[row])
+        if alpha > 0 and table.kind[row] in (DIELECTRIC, CONDUCTOR):
+            small = f"alpha {alpha:g} is below {MIN_ALPHA:g}"
+            why = small if alpha < MIN_ALPHA else "its ior is 1, which bends no light"
+            yield table.name[row], f"{why}: the surface is smooth"

@@ -1,17 +1,19 @@
 """Chooses the precision of a scene, by bounds on the rounding errors of positions."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.errors import SceneError
-from raytrace.records import Mesh, Scene
+from raytrace.records import ROUGH_DIELECTRIC, Mesh, Scene
 
 GAMMA = 27  # roundings of the largest coordinate that bound the error of a point: 3 + 12 x 2 of passes/surface.py
 TOLERANCE = 0.01  # of the smallest feature: the largest error of position allowed in float32
 FLOAT32_RANGE = 1e-12, 1e12  # world units: areas, and the rounding errors of areas, stay normal numbers
 FLOAT64_RANGE = 1e-75, 1e75  # world units: so do squares of areas, which the choice of precision computes
+FLOAT32_BEND = 1e-5  # alpha x |ior - 1|: the angle by which a rough dielectric spreads light that it transmits
 FLOAT32_LEVELS = 1e-30, 1e30  # light and indices: results computed from them stay in range
 
 Axes = NDArray[np.float64]  # (3, m): all x, all y, all z
@@ -79,6 +81,8 @@ def _choose(scene: Scene, largest: float, feature: float) -> tuple[str, str]:
         levels = levels[(levels > 0) & np.isfinite(levels)]  # a conductor that reflects everything absorbs at inf
         if levels.min(initial=1.0) < low or levels.max(initial=1.0) > high:
             return "float64", f"{names} leave {low:g} .. {high:g}"
+    if _least_bend(scene) < FLOAT32_BEND:
+        return "float64", f"a rough dielectric spreads light by less than {FLOAT32_BEND:g}"
     error = gamma("float32") * largest
     bound = f"error of a point at most gamma({GAMMA}) x {largest:.3g} = {error:.2g}"
     limit = f"{TOLERANCE:.0%} of the smallest feature, {feature:.2g}"
@@ -106,6 +110,15 @@ def _levels(scene: Scene) -> dict[str, list[NDArray[np.float64]]]:
         "values of k": materials.k,
     }
     return levels | {name: [table] for name, table in more.items() if table is not None}
+
+
+def _least_bend(scene: Scene) -> float:
+    """Return the least angle by which a rough dielectric spreads light: inf if there is none."""
+    materials = scene.materials
+    if materials.alpha is None:
+        return math.inf
+    bend = materials.alpha * np.abs(materials.ior - 1)
+    return float(bend[materials.kind == ROUGH_DIELECTRIC].min(initial=np.inf))
 
 
 def _largest(*places: NDArray[np.float64]) -> float:

@@ -8,19 +8,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.limits import MIN_ALPHA
 from raytrace.records import (
     CONDUCTOR,
     DIELECTRIC,
     DIFFUSE,
     MIRROR,
+    PLASTIC,
     REFRACTIVE,
+    ROUGH_CONDUCTOR,
+    ROUGH_DIELECTRIC,
     Directions,
-    EnvironmentImage,
     Lights,
     Materials,
     Spots,
 )
 from raytrace.scene.metals import INDEX
+from raytrace.texture_records import EnvironmentImage
 
 KINDS = {
     "diffuse": DIFFUSE,
@@ -28,7 +32,9 @@ KINDS = {
     "mirror": MIRROR,
     "dielectric": DIELECTRIC,
     "conductor": CONDUCTOR,
+    "plastic": PLASTIC,
 }
+ROUGH = {"dielectric": ROUGH_DIELECTRIC, "conductor": ROUGH_CONDUCTOR}
 
 LIGHTS = "point", "spot", "directional", "environment"
 
@@ -37,18 +43,26 @@ def materials_of(scene: Any) -> Materials:
     """Table of the materials of a valid scene; where there are textures, without their means."""
     kinds = list(scene.materials.values())
     emission = [_numbers(getattr(m, "emission", None), 0.0) for m in kinds]
+    alpha = [getattr(m, "alpha", 0.0) for m in kinds]
     index = [_index(m) for m in kinds] if any(m.type == "conductor" for m in kinds) else None
     return Materials(
         name=tuple(scene.materials),
-        kind=np.array([KINDS[m.type] for m in kinds], np.int8),
+        kind=np.array([_kind(m) for m in kinds], np.int8),
         albedo=np.array([_reflectance(m) for m in kinds], np.float64),
         ior=np.array([getattr(m, "ior", 1) for m in kinds], np.float64),
-        two_sided=np.array([m.type == "diffuse" and m.two_sided for m in kinds]),
+        two_sided=np.array([getattr(m, "two_sided", False) for m in kinds]),
         transparent_shadow=np.array([getattr(m, "shadows", "opaque") == "transparent" for m in kinds]),
         emission=np.array(emission, np.float64) if any(map(any, emission)) else None,
         eta=None if index is None else np.array([eta for eta, _ in index], np.float64),
         k=None if index is None else np.array([k for _, k in index], np.float64),
+        alpha=np.array(alpha, np.float64) if any(alpha) else None,
     )
+
+
+def _kind(material: Any) -> int:
+    """Kind of a material; a surface between two equal media is smooth, because it bends no light."""
+    rough = getattr(material, "alpha", 0.0) >= MIN_ALPHA and getattr(material, "ior", 0.0) != 1
+    return ROUGH[material.type] if rough else KINDS[material.type]
 
 
 def _reflectance(material: Any) -> tuple[float, ...]:

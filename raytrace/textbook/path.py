@@ -7,7 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.errors import OptionError
-from raytrace.records import DIELECTRIC, DIFFUSE, MIRROR, REFRACTIVE, Hits, Scene
+from raytrace.records import (
+    DIELECTRIC,
+    DIFFUSE,
+    MIRROR,
+    PLASTIC,
+    REFRACTIVE,
+    ROUGH_CONDUCTOR,
+    ROUGH_DIELECTRIC,
+    Hits,
+    Scene,
+)
 from raytrace.textbook.sampling import cosine_hemisphere, power_heuristic, to_world, uniform_triangle
 from raytrace.textbook.shading import Point, dot, offset_origin, pass_interface, reflect, refract, surface_at
 from raytrace.textbook.tree import Tree, traverse
@@ -131,6 +141,8 @@ def refuse(scene: Scene) -> None:
     """Refuse, by name, what only the kernels have."""
     kinds = scene.materials.kind[np.unique(scene.mesh.material_id)]
     lacking = {
+        "rough surfaces": np.isin(kinds, (ROUGH_DIELECTRIC, ROUGH_CONDUCTOR)).any(),
+        "plastic": (kinds == PLASTIC).any(),
         "materials other than diffuse, refractive, mirror and dielectric": not np.isin(kinds, KNOWN).all(),
         "spot lights": scene.lights.spots is not None,
         "directional lights": scene.lights.directions is not None,
