@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.accel.bvh import BVH
+from raytrace.accel.hit_points import gamma
 from raytrace.passes.film import LUMINANCE
-from raytrace.passes.light import triangles_at
+from raytrace.passes.light import SPAN, triangles_at
 from raytrace.passes.lights import (
     AXIS,
     BEAM,
@@ -157,12 +158,16 @@ def _radius(scene: Scene) -> float:
 
 
 def _nudges(bvh: BVH, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far lights that lie on a surface are moved off it: its normal times the bound on a point's error."""
+    """How far lights that lie on a surface are moved off it: twice the distance at which ``triangles_at`` finds it.
+
+    The light may lie that far behind the surface, and must then lie as far in front of it [docs/numerics.md].
+    """
     nudges = np.zeros((len(positions), 3))
+    roundings = 2 * gamma(np.finfo(bvh.triangles.dtype).eps)
     for row, position in enumerate(positions.astype(bvh.triangles.dtype)):
         for prim in triangles_at(bvh.tree, bvh.triangles, position)[:1]:
-            corners, normal = bvh.triangles[prim, :9].reshape(3, 3), bvh.triangles[prim, 9:]
-            u = np.finfo(bvh.triangles.dtype).eps / 2
-            reach = np.abs(position) + 4 * np.ptp(np.concatenate([corners, position[None]]), axis=0)
-            nudges[row] = normal * (2 * 3 * u * (np.abs(normal) * reach).sum())
+            normal = bvh.triangles[prim, 9:].astype(np.float64)
+            extent = np.ptp(np.append(bvh.triangles[:, :9].ravel(), position).reshape(-1, 3), axis=0)
+            largest = np.abs(bvh.triangles[prim, :9].reshape(3, 3)).max(axis=0)
+            nudges[row] = normal * (roundings * np.abs(normal) @ (largest + np.abs(position) + SPAN * extent))
     return nudges
