@@ -1,7 +1,7 @@
 """Shadow rays to lamps and to lights on surfaces: the surface at the end of a ray never hides the light.
 
-A small plate, tilted and far from what it lights, is the hard case: the rounding error of a ray's distance from the plate
-grows with the length of the ray, and that of a point on the plate does not.
+A small plate, tilted and far from what it lights, is the hard case: the rounding error of a ray's distance from the
+plate grows with the length of the ray, and that of a point on the plate does not.
 """
 
 import math
