@@ -4,18 +4,21 @@ References have 40 digits, or float64 where float32 is judged.
 """
 
 from collections.abc import Callable
+from fractions import Fraction
 
 import mpmath
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import raytrace as rt
 from raytrace.passes import fresnel, warp
-from raytrace.passes.lights import high_product
+from raytrace.passes.lights import COLUMNS, DENSITY, TRIANGLE, high_product
+from raytrace.rendering.light_table import make_light_table
 
 F8 = NDArray[np.float64]
 PRECISIONS = ("float32", "float64")
-BITS = {"float32": 24, "float64": 32}  # of a random number
+BITS = 24  # of a random number
 COUNT = {"float32": 200_000, "float64": 600}
 SEED = 11
 
@@ -58,12 +61,11 @@ def test_sine_and_cosine_are_right_within_two_units_in_the_last_place(precision)
 
 def squares(precision: str) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Points of the unit square that random numbers can be; corners, middle and axes too."""
-    bits = BITS[precision]
     rng = np.random.default_rng(SEED)
-    whole = rng.integers(0, 2**bits, (2, COUNT[precision]))
-    ends = np.array([0, 1, 2 ** (bits - 1) - 1, 2 ** (bits - 1), 2 ** (bits - 1) + 1, 2**bits - 1])
+    whole = rng.integers(0, 2**BITS, (2, COUNT[precision]))
+    ends = np.array([0, 1, 2 ** (BITS - 1) - 1, 2 ** (BITS - 1), 2 ** (BITS - 1) + 1, 2**BITS - 1])
     u, v = np.concatenate([whole, np.stack(np.meshgrid(ends, ends)).reshape(2, -1)], axis=1)
-    return (u * 2.0**-bits).astype(precision), (v * 2.0**-bits).astype(precision)
+    return (u * 2.0**-BITS).astype(precision), (v * 2.0**-BITS).astype(precision)
 
 
 def exact_disc(u, v):
@@ -164,3 +166,32 @@ def test_rows_of_the_alias_table_are_drawn_evenly_to_two_to_the_minus_32(n):
         assert (high_product(h, np.uint32(n)) == rows.astype(np.uint32)).all()
     counts = np.array([end - start + 1 for start, end in zip(first[:-1], ends, strict=True)])
     assert (np.abs(counts / 2**32 - 1 / n) <= 2.0**-32).all()
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_the_table_of_lights_holds_the_probabilities_with_which_they_are_drawn(precision):
+    """A light of a ten-millionth of the power is drawn by a few of 2^24 numbers: its share is not that of its power."""
+    grey = {"type": "diffuse", "albedo": [0.5] * 3}
+    powers = (1, 1e-7, 3, 1e-3, 0.2)
+    scene = rt.load(
+        {
+            "camera": {"position": [0, 0, 3], "look_at": [0, 0, 0], "fov": 40},
+            "lights": [{"type": "point", "position": [0, 0, k + 1], "flux": [p] * 3} for k, p in enumerate(powers)],
+            "materials": {"grey": grey, "lamp": grey | {"emission": [1e-5] * 3}},
+            "objects": [{"rectangle": {}, "material": "grey"}, {"box": {}, "material": "lamp", "scale": 0.1}],
+        }
+    )
+    table = make_light_table(scene, rt.BVH(scene.mesh.vertices, scene.mesh.faces, precision))
+    n = len(table.share)
+    exact = [Fraction(0)] * n
+    for row, (keep, other) in enumerate(zip(table.keep.tolist(), table.other.tolist(), strict=True)):
+        of_row = Fraction(-(-((row + 1) << 32) // n) + (-(row << 32) // n), 2**32)
+        kept = -(-Fraction(keep) * 2**24 // 1)  # how many multiples of 2^-24 lie below keep
+        exact[row] += of_row * Fraction(kept, 2**24)
+        exact[other] += of_row * (1 - Fraction(kept, 2**24))
+    assert sum(exact) == 1
+    np.testing.assert_allclose(table.share, np.array(exact, np.float64), rtol=2 * np.finfo(precision).eps)
+    assert abs(table.share[1] / (1e-7 / sum(powers)) - 1) > 1e-3
+    lamp = table.kind == TRIANGLE
+    densities = table.numbers.reshape(n, COLUMNS)[lamp, DENSITY]
+    np.testing.assert_allclose(densities, table.share[lamp] / 0.02, rtol=4 * np.finfo(precision).eps)

@@ -42,13 +42,18 @@ def make_light_table(scene: Scene, bvh: BVH) -> LightTable | None:
     """All lights that send out any light; None where there are none.
 
     A light's probability is its share of the power of all: pi A L for a lamp, Phi for a point light, the integral of
-    its intensity for a spot, and pi R^2 E for light from infinitely far away, R the radius of the scene.
+    its intensity for a spot, and pi R^2 E for light from infinitely far away, R the radius of the scene. The table
+    holds the probability with which a kernel draws it, which differs a little: random numbers have a last bit.
     """
+    dtype = bvh.triangles.dtype
     rows = [each for each in _rows(scene, bvh) if each.power.sum() > 0]
     if not rows:
         return None
     power = np.concatenate([each.power for each in rows])
-    shares = power / power.sum()
+    kept = power > 0
+    keep, other = alias_table(power[kept] / power.sum())
+    shares = np.zeros(len(power))
+    shares[kept] = drawn(keep.astype(dtype), other)
     numbers = np.zeros((len(power), COLUMNS))
     begin = 0
     for each in rows:
@@ -59,11 +64,8 @@ def make_light_table(scene: Scene, bvh: BVH) -> LightTable | None:
         if each.kind in (TRIANGLE, ENVIRONMENT):
             part[:, DENSITY] *= shares[begin : begin + len(part)]
         begin += len(part)
-    kept = power > 0
     kinds = np.repeat([each.kind for each in rows], [len(each.power) for each in rows])
     prims = np.concatenate([each.prim_id for each in rows])
-    dtype = bvh.triangles.dtype
-    keep, other = alias_table(shares[kept])
     return LightTable(
         shares[kept].astype(dtype),
         keep.astype(dtype),
@@ -93,6 +95,22 @@ def alias_table(shares: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArr
             small.append(large.pop())
     keep[[*small, *large]] = 1  # what rounding left
     return keep, other
+
+
+def drawn(keep: NDArray[np.floating], other: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Probability of each row as kernels draw it: by 32 random bits for the row, and 24 for whether it is kept.
+
+    Row k has the 32 bits h with h n / 2^32 in [k, k + 1). It is kept by those multiples of 2^-24 that are below keep.
+
+    Examples
+    --------
+    >>> drawn(np.array([1.0, 1e-9]), np.array([0, 0]))[1] * 2**25
+    np.float64(1.0)
+    """
+    n = len(keep)
+    of_rows = np.diff(-(-(np.arange(n + 1, dtype=np.int64) << 32) // n)) / 2.0**32
+    kept = np.ceil(keep.astype(np.float64) * 2.0**24) / 2.0**24
+    return of_rows * kept + np.bincount(other, of_rows * (1 - kept), minlength=n)
 
 
 def _rows(scene: Scene, bvh: BVH) -> list[Rows]:
