@@ -15,6 +15,7 @@ import raytrace as rt
 from raytrace.passes import fresnel, warp
 from raytrace.passes.lights import COLUMNS, DENSITY, TRIANGLE, high_product
 from raytrace.rendering.light_table import make_light_table
+from raytrace.scene.metals import INDEX
 
 F8 = NDArray[np.float64]
 PRECISIONS = ("float32", "float64")
@@ -152,6 +153,24 @@ def test_reflectance_from_inside_is_that_of_a_cosine_four_roundings_away(precisi
         low, top = np.minimum(above, below), np.maximum(above, below)
         assert (found >= low * (1 - 20 * u)).all()
         assert (found <= top * (1 + 20 * u)).all()
+
+
+def exact_metal(cos_i, eta, k):
+    """Fresnel's equations with the complex index eta - i k."""
+    n = mpmath.mpc(eta, -k)
+    cos_t = mpmath.sqrt(n * n - (1 - cos_i**2))
+    rs, rp = (cos_i - cos_t) / (cos_i + cos_t), (n * n * cos_i - cos_t) / (n * n * cos_i + cos_t)
+    return (abs(rs) ** 2 + abs(rp) ** 2) / 2
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_reflectance_of_metals_is_right_to_sixty_four_roundings(precision):
+    cosine = cosines(precision)[::5]
+    indices = np.array([rgb for metal in INDEX.values() for rgb in zip(*metal, strict=True)], precision)
+    eta, k = (np.repeat(column, len(cosine)) for column in indices.T)
+    cos_i = np.tile(cosine, len(indices))
+    found = fresnel.conductor_reflectance(cos_i, eta, k)
+    assert relative(found, high(exact_metal, cos_i, eta, k)) <= 64 * unit_roundoff(precision)
 
 
 @pytest.mark.parametrize("n", [1, 3, 1000, 65_537, 2**24 - 1])
