@@ -188,7 +188,6 @@ LAMP = {"type": "diffuse", "albedo": [0.3, 0.2, 0.1], "emission": [3, 2, 1]}
 GREY = {"type": "diffuse", "albedo": [0.6, 0.5, 0.4]}
 POINT = [{"type": "point", "position": [0.2, 0.9, 0.4], "flux": [20, 25, 30]}]
 MATERIALS = {  # of a ball in a room, and lights
-    "two lamps": (GREY | {"two_sided": True}, []),
     "a ball that is a lamp": (LAMP, []),
     "a mirror and a point light": ({"type": "mirror", "reflectance": [0.9, 0.7, 0.5]}, POINT),
     "glass": ({"type": "dielectric", "ior": 1.5}, POINT),
@@ -204,7 +203,7 @@ def test_its_path_tracer_agrees_with_the_kernels_on_each_material_and_light(name
     scene = load(
         {
             "camera": {"position": [0, 0, 0.99], "look_at": [0, -0.2, 0], "fov": 90},
-            "render": {"integrator": "path", "max_depth": 6},
+            "render": {"integrator": "path", "max_depth": 4},
             "lights": lights,
             "materials": {"ball": ball, "lamp": LAMP, "grey": GREY},
             "objects": [
@@ -220,11 +219,11 @@ def test_its_path_tracer_agrees_with_the_kernels_on_each_material_and_light(name
         means = rgb.reshape(3, 3, 3, 3, 3).mean(axis=(1, 3, 4))
         return np.append(means.ravel(), means.mean())
 
-    slow = np.array([blocks(textbook.render(scene, spp=8, size=(9, 9), seed=seed)) for seed in range(16)])
+    slow = np.array([blocks(textbook.render(scene, spp=16, size=(9, 9), seed=seed)) for seed in range(6)])
     fast = np.array([blocks(rt.render(scene, spp=64, size=(9, 9), seed=seed).rgb) for seed in range(8)])
     spread = np.sqrt(slow.var(axis=0, ddof=1) / len(slow) + fast.var(axis=0, ddof=1) / len(fast))
     assert (np.abs(slow.mean(axis=0) - fast.mean(axis=0)) < 5.5 * spread).all()
-    assert spread[-1] < 0.02 * fast.mean()
+    assert spread[-1] < 0.03 * fast.mean()
 
 
 @pytest.mark.parametrize(
