@@ -5,7 +5,9 @@ Each kind of light is a pass of its own; a scene compiles those of the lights th
 
 import numpy as np
 
+from raytrace.accel.hit_points import gamma
 from raytrace.accel.lanes import (
+    absolute,
     bits,
     gather,
     load,
@@ -22,6 +24,7 @@ from raytrace.accel.lanes import (
 )  # fmt: skip
 from raytrace.accel.vectors import choose3, dot, scaled
 from raytrace.jit import inlined, kernel
+from raytrace.passes.light import SPAN
 from raytrace.passes.paths import LIGHT, LIGHT_U, random_bits, uniform2
 from raytrace.passes.sampling import unit_interval
 from raytrace.passes.surface import load3, point_on, row_of, spawn, store3
@@ -120,7 +123,11 @@ def minus(a, b):
 
 @kernel
 def sample_triangles(sampler, paths, n, depth, table, shading, vertices, incident):
-    """Points on emitting triangles, uniform by area; both ends of the shadow ray lie off their surfaces."""
+    """Points on emitting triangles, uniform by area; both ends of the shadow ray lie off their surfaces.
+
+    A ray measures its distance from a plane with an error of up to gamma(24) times the extents from its origin. So the
+    end on the lamp is moved by that, and not only by the error of its point [docs/numerics.md].
+    """
     like, eps = packet(paths.pdf), machine_epsilon(paths.pdf)
     for i in range(0, n, packet_width(paths.pdf)):
         row, wanted = chosen(table, incident, i, TRIANGLE)
@@ -129,7 +136,9 @@ def sample_triangles(sampler, paths, n, depth, table, shading, vertices, inciden
         u, v = triangle(*uniform2(sampler, paths, i, depth, LIGHT_U))
         q, nl, offset = point_on(shading.triangles, select(wanted, gather(table.prim_id, row), np.int32(0)), u, v, eps)
         o = starts(vertices, i)
-        d = minus(spawn(q, nl, offset), o)
+        d = minus(q, o)
+        extent = absolute(nl[0] * d[0]) + absolute(nl[1] * d[1]) + absolute(nl[2] * d[2])
+        d = minus(spawn(q, nl, 3.0 * offset + extent * (SPAN * gamma(eps))), o)
         r2 = dot(d, d)
         wi = scaled(d, 1.0 / sqrt(r2))
         cosine = -dot(wi, nl)
