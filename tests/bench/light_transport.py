@@ -1,7 +1,7 @@
 """Path tracing against closed forms, at full size: all cases of tests/light_cases.py, and spheres of 300,000 triangles.
 
-Each answer must be met within four standard errors. A standard error comes from independent seeds, as samples of one Sobol
-set are not independent. A pilot chooses the number of samples; its own samples are not used.
+Each answer must be met within four standard errors. A standard error comes from independent seeds, as samples of one
+Sobol set are not independent. A pilot chooses the number of samples; its own samples are not used.
 """
 
 import math
@@ -13,9 +13,8 @@ import numpy as np
 from harness import ROOT, begin, finish, parser, show, table
 
 sys.path.append(str(ROOT / "tests"))
-from light_cases import Case, cases, large
-
 import raytrace as rt
+from light_cases import Case, cases, large
 
 SIDE = 16  # pixels
 MOST = 10**7  # samples per case
@@ -35,16 +34,16 @@ def standard_error(values: np.ndarray) -> float:
     return float(values.std(ddof=1) / math.sqrt(len(values)))
 
 
-def judge(case: Case, seeds: int, precision: str) -> dict[str, Any]:
-    """Render a case, and compare its mean with the answer."""
+def judge(case: Case, first: int, seeds: int, precision: str) -> dict[str, Any]:
+    """Render a case with the seeds from ``first`` on, and compare its mean with the answer."""
     began = time.perf_counter()
     scene = rt.load(case.scene)
     limit = CHANCE_ERROR if case.chance else ERROR
-    pilot = standard_error(means(scene, PILOT, range(seeds, 2 * seeds), precision)) / case.expected
+    pilot = standard_error(means(scene, PILOT, range(first + seeds, first + 2 * seeds), precision)) / case.expected
     wanted = PILOT * MARGIN * (pilot / limit) ** 2
     most = MOST // (seeds * SIDE * SIDE)
     spp = int(min(max(2 ** math.ceil(math.log2(max(wanted, PILOT))), PILOT), most))
-    values = means(scene, spp, range(seeds), precision)
+    values = means(scene, spp, range(first, first + seeds), precision)
     error, spread = float(values.mean() - case.expected), standard_error(values)
     allowed = SIGMAS * spread + case.tolerance * case.expected
     return {
@@ -66,9 +65,9 @@ def main() -> int:
     arguments.add_argument("--only", default="", help="cases whose name contains this text")
     args = arguments.parse_args()
     found, rows = begin(), []
-    for case in [*cases(), *large()]:
+    for number, case in enumerate([*cases(), *large()]):  # each with seeds of its own, so that errors are independent
         if args.only in case.name:
-            rows.append(judge(case, args.seeds, args.precision))
+            rows.append(judge(case, 10**4 * (number + 1), args.seeds, args.precision))
     table(
         ["case", "answer", "error", "standard error", "samples", "seconds", ""],
         (
