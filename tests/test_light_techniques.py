@@ -1,4 +1,4 @@
-"""Light sampling alone, surface sampling alone and both: a hundredth of tests/bench/light_techniques.py."""
+"""Light sampling alone, surface sampling alone and both: a hundredth of tests/bench/multiple_importance.py."""
 
 import pytest
 

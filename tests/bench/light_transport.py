@@ -54,7 +54,7 @@ def judge(case: Case, first: int, seeds: int, precision: str) -> dict[str, Any]:
         "sigmas": (abs(error) - case.tolerance * case.expected) / max(spread, 1e-300),
         "samples": seeds * SIDE * SIDE * spp,
         "seconds": time.perf_counter() - began,
-        "holds": abs(error) <= allowed and spread <= limit * case.expected,
+        "holds": bool(abs(error) <= allowed and spread <= limit * case.expected),
     }
 
 

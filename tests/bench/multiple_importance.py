@@ -42,7 +42,7 @@ def expectations(seeds: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]
         for each in ("light", "surface"):
             verdict = compare(of[each], of["both"], level)
             row = {"scene": name, "technique": each, "difference": verdict.difference / mean, "p": verdict.p}
-            row |= {"found": verdict.found / mean, "holds": verdict.p > level and verdict.found <= FOUND * mean}
+            row |= {"found": verdict.found / mean, "holds": bool(verdict.p > level and verdict.found <= FOUND * mean)}
             tests.append(row)
         variance = {each: float(of[each].variance.mean()) for each in TECHNIQUES}
         better = min(variance["light"], variance["surface"])
