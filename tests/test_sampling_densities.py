@@ -98,7 +98,7 @@ def test_frames_are_rotations(seed):
 
 SIDE, SPP = 64, 98
 N_PATHS = SIDE * SIDE * SPP  # paths that meet a surface at nearly one point
-VIEW = {"position": [0, 1e-3, 2], "look_at": [0, 0, 0], "fov": 1e-3}
+VIEW = {"position": [0, 1e-3, 2], "look_at": [0, 0, 0], "fov": 1e-4}
 
 
 class Recorder(path_wavefront.PathWavefront):
@@ -170,7 +170,7 @@ def test_points_of_lamps_have_the_density_of_their_directions(record):
         """Per solid angle of unit vectors (3, n): where they meet either triangle, r^2 / (A cos)."""
         total = np.zeros(w.shape[1])
         for t, n in zip(triangles, normal, strict=True):
-            inside = np.all([np.cross(t[k], t[(k + 1) % 3]) @ w <= 1e-6 for k in range(3)], axis=0)
+            inside = np.all([np.cross(t[k], t[(k + 1) % 3]) @ w <= 0 for k in range(3)], axis=0)
             cosine = -(n @ w)
             total += np.where(inside, ((t[0] @ n) / (n @ w)) ** 2 / (area.sum() * cosine), 0)
         return total
