@@ -163,7 +163,7 @@ def test_points_of_lamps_have_the_density_of_their_directions(record):
     cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     assert (cross @ [0, 0, 1] < 0).all()  # they face the floor
     below = {**VIEW, "position": [-1.5, 1e-3, 0.5]}
-    (_, wi, pdf), _ = record(scene([(PLANE, diffuse(0.5)), (triangles, diffuse(0.0, 1.0))], below, 1))
+    (_, wi, pdf), _ = record(scene([(0.002 * PLANE, diffuse(0.5)), (triangles, diffuse(0.0, 1.0))], below, 1))
     area, normal = np.linalg.norm(cross, axis=1) / 2, cross / np.linalg.norm(cross, axis=1, keepdims=True)
 
     def density(w):
