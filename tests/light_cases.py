@@ -126,6 +126,9 @@ def lights() -> Iterator[Case]:
     for integrator in ("path", "direct"):  # [Howell C-11]
         squares = [(SQUARE, diffuse(0.8)), ((SQUARE + [0, 0, 1])[:, ::-1], diffuse(0.0, 2.0))]
         yield Case(f"two opposed squares, {integrator}", scene(squares, above, 1, integrator=integrator), 1.6 * factor)
+    plate = SQUARE[:, ::-1], {**diffuse(0.5, 0.4), "two_sided": True}
+    behind = scene([plate], {**ABOVE, "fov": 2}, 2, lights=environment(0.6))
+    yield Case("back of a lamp that reflects on both sides", behind, 0.3)
     corners = np.array([[0.5, -0.4, 1], [0.2, 0.9, 1.5], [1.4, 0.6, 0.8]])
     lamp = scene([(PLANE, diffuse(0.5)), (corners[None], diffuse(0.0, 6.0))], {**ABOVE, "fov": 0.01}, 1)
     yield Case("triangular lamp over a point", lamp, 0.5 / math.pi * 6 * lambert(corners), 5e-4)

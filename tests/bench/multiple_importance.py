@@ -27,7 +27,7 @@ def enough(scene: Any, name: str, seeds: int, level: float) -> Images:
     pilot = images(scene, name, PILOT, range(10**4, 10**4 + seeds), SIZE)
     spread = pilot.means.std(ddof=1) / math.sqrt(seeds) / pilot.mean
     wanted = FOUND / (math.sqrt(2) * 2 * math.sqrt(-math.log(level)))  # of one of two techniques; a little too small
-    spp = PILOT * max(1.0, 1.3 * (spread / wanted) ** 2)
+    spp = PILOT * max(1.0, 2.2 * (spread / wanted) ** 2)
     first = 10**5 * (1 + TECHNIQUES.index(name))
     return images(scene, name, min(math.ceil(spp), MOST), range(first, first + seeds), SIZE)
 
