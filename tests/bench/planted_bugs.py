@@ -32,8 +32,8 @@ BUGS: dict[str, list[tuple[str, str, str]]] = {
     ],
     "both sides shine": [
         (PATHS, "cosine = -dot(load3(paths.rays.d, i, size, like), ng)\n        found",
-         "cosine = dot(load3(paths.rays.d, i, size, like), ng)\n        cosine = select(cosine < 0.0, -cosine, cosine)\n"
-         "        found"),
+         "cosine = dot(load3(paths.rays.d, i, size, like), ng)\n"
+         "        cosine = select(cosine < 0.0, -cosine, cosine)\n        found"),
         (LIGHTS, "cosine = -dot(wi, nl)", "cosine = absolute(dot(wi, nl))"),
     ],
     "no factor (n_from / n_to)^2": [
