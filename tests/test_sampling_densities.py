@@ -235,6 +235,7 @@ def test_roulette():
         rt.render(rt.load(scene([(PLANE, diffuse(0.5))], VIEW, 1, lights=environment(1.0))), size=(8, 8), spp=1)
     finally:
         path_wavefront.PathWavefront = original
+    made[0].resize(n)
     here, out, rng = made[0].paths, made[0].others, np.random.default_rng(9)
     size = len(here.pdf)
     brightest = rng.uniform(0, 1.25, size).astype(here.pdf.dtype)
