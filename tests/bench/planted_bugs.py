@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +49,6 @@ PATHS, LIGHTS, MATERIALS = (f"passes/{name}.py" for name in ("paths", "lights", 
 WAVEFRONT, TABLE, SCENE = (f"rendering/{name}.py" for name in ("path_wavefront", "light_table", "path_scene"))
 # name: (file, text, text instead)
 BUGS: dict[str, list[tuple[str, str, str]]] = {
-    "none": [],
     "light 3 % brighter": [
         (TABLE, "part[:, :3] = each.colour", "part[:, :3] = 1.03 * each.colour"),
         (SCENE, "emission.astype(dtype)", "(1.03 * emission).astype(dtype)"),
@@ -78,6 +78,7 @@ BUGS: dict[str, list[tuple[str, str, str]]] = {
                             "    x, y, z = cosine_hemisphere(u, v)\n    s = sqrt(1.0 + z)\n"
                             "    return x * s, y * s, z * z\n\n\n@kernel\ndef scatter_diffuse")],
     "lamps brought twice": [(PATHS, "& ~brought(load(paths.state, i, like))\n        t =", "\n        t =")],
+    "none": [],
 }  # fmt: skip
 
 
@@ -95,13 +96,14 @@ def plant(folder: Path, changes: list[tuple[str, str, str]]) -> None:
         path.write_text(text.replace(old, new), "utf-8")
 
 
-def run(changes: list[tuple[str, str, str]]) -> dict[str, list[str]]:
-    """Tests that fail, by check."""
+def run(changes: list[tuple[str, str, str]], thorough: bool) -> dict[str, list[str]]:
+    """Tests that fail, by check: the first, or all of them."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         plant(folder, changes)
         environment = os.environ | {"RAYTRACE_CACHE": str(folder / "kernels"), "PYTHONPATH": str(folder)}
         command = [sys.executable, "-m", "pytest", "-q", "--tb=no", "-p", "no:cacheprovider"]
+        command += [] if thorough else ["-x"]
         command += [f"tests/{check}" for checks in CHECKS.values() for check in checks]
         done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
         if done.returncode not in (0, 1):
@@ -112,14 +114,27 @@ def run(changes: list[tuple[str, str, str]]) -> dict[str, list[str]]:
 
 def main() -> int:
     arguments = parser(__doc__ or "")
+    arguments.add_argument(
+        "--thorough", action="store_true", help="run all checks, not only up to the first that fails"
+    )
+    arguments.add_argument("--jobs", type=int, default=2, help="bugs at once (%(default)s)")
     arguments.add_argument("--only", default="", help="bugs whose name contains this text")
     args = arguments.parse_args()
     found, rows = begin(), dict[str, Any]()
-    for name, changes in BUGS.items():
-        if args.only in name:
-            rows[name] = run(changes)
-            show(f"{name}: {sum(map(len, rows[name].values()))} tests fail")
-    table(["bug", *CHECKS], ([name, *(len(row[check]) or "" for check in CHECKS)] for name, row in rows.items()))
+    chosen = {name: changes for name, changes in BUGS.items() if args.only in name}
+    with ThreadPoolExecutor(args.jobs) as pool:
+        jobs = {pool.submit(run, changes, args.thorough): name for name, changes in chosen.items()}
+        for job in as_completed(jobs):
+            rows[jobs[job]] = job.result()
+            show(f"{jobs[job]}: {sum(map(len, job.result().values()))} tests fail")
+    rows = {name: rows[name] for name in chosen}
+    if args.thorough:
+        table(["bug", *CHECKS], ([name, *(len(row[check]) or "" for check in CHECKS)] for name, row in rows.items()))
+    else:
+        failed = (
+            (name, [test.partition("::")[2] for tests in row.values() for test in tests]) for name, row in rows.items()
+        )
+        table(["bug", "the first check that fails"], ([name, *(tests or ["none"])] for name, tests in failed))
     finish(args, found, rows)
     return 0 if all(any(row.values()) == (name != "none") for name, row in rows.items()) else 1
 
