@@ -69,6 +69,8 @@ def furnaces() -> Iterator[Case]:
         yield Case(f"convex body in an environment, {integrator}, depth {depth}", body, 0.3)
     white = scene([(CUBE, diffuse(1.0))], OUTSIDE, 4, lights=environment(0.5))
     yield Case("a white body cannot be seen", white, 0.5)
+    point = scene([(np.ones((1, 3, 3)), diffuse(1.0))], OUTSIDE, 1, lights=environment(0.5))
+    yield Case("an environment around a mesh of one point", point, 0.5)
     triangles, _ = ball(30)
     glass = scene([(triangles, GLASS)], {**OUTSIDE, "fov": 20}, DEEP, lights=environment(0.5))
     yield Case("a glass ball cannot be seen", glass, 0.5)  # no light is lost, and radiance / n^2 is conserved
