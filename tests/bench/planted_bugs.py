@@ -43,7 +43,10 @@ CHECKS = {  # those that need few kernels
         f"test_light_techniques.py::test_techniques_agree_and_both_together_are_no_worse[{name}]"
         for name in ("closed room", "large lamp", "many lamps", "open sky")
     ],
-    "twin": [f"test_naive_paths.py::test_the_twin_agrees[{name}]" for name in ("nested glass", "many lamps")],
+    "twin": [
+        f"test_naive_paths.py::test_the_twin_agrees[{name}]"
+        for name in ("nested glass", "many lamps", "transparent shadows")
+    ],
 }
 PATHS, LIGHTS, MATERIALS = (f"passes/{name}.py" for name in ("paths", "lights", "materials"))
 WAVEFRONT, TABLE, SCENE = (f"rendering/{name}.py" for name in ("path_wavefront", "light_table", "path_scene"))
