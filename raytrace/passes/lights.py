@@ -121,13 +121,20 @@ def minus(a, b):
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
+@inlined
+def end_offset(nl, d, offset, eps):
+    """How far before a lamp a shadow ray of length |d| ends, so that it never finds that lamp's triangle at t < 1.
+
+    It measures its distance from the plane with an error of gamma(24) (|d_k| + D_k) along each axis, D the extent of
+    the triangle, beside the error of the point itself [docs/numerics.md]; gamma(24) D is at most 2 ``offset``.
+    """
+    across = absolute(nl[0]) * absolute(d[0]) + absolute(nl[1]) * absolute(d[1]) + absolute(nl[2]) * absolute(d[2])
+    return 3.0 * offset + SPAN * (gamma(eps) * across)
+
+
 @kernel
 def sample_triangles(sampler, paths, n, depth, table, shading, vertices, incident):
-    """Points on emitting triangles, uniform by area; both ends of the shadow ray lie off their surfaces.
-
-    A ray measures its distance from a plane with an error of up to gamma(24) times the extents from its origin. So the
-    end on the lamp is moved by that, and not only by the error of its point [docs/numerics.md].
-    """
+    """Points on emitting triangles, uniform by area; both ends of the shadow ray lie off their surfaces."""
     like, eps = packet(paths.pdf), machine_epsilon(paths.pdf)
     for i in range(0, n, packet_width(paths.pdf)):
         row, wanted = chosen(table, incident, i, TRIANGLE)
@@ -136,9 +143,7 @@ def sample_triangles(sampler, paths, n, depth, table, shading, vertices, inciden
         u, v = triangle(*uniform2(sampler, paths, i, depth, LIGHT_U))
         q, nl, offset = point_on(shading.triangles, select(wanted, gather(table.prim_id, row), np.int32(0)), u, v, eps)
         o = starts(vertices, i)
-        d = minus(q, o)
-        extent = absolute(nl[0] * d[0]) + absolute(nl[1] * d[1]) + absolute(nl[2] * d[2])
-        d = minus(spawn(q, nl, 3.0 * offset + extent * (SPAN * gamma(eps))), o)
+        d = minus(spawn(q, nl, end_offset(nl, minus(q, o), offset, eps)), o)
         r2 = dot(d, d)
         wi = scaled(d, 1.0 / sqrt(r2))
         cosine = -dot(wi, nl)

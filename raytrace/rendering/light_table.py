@@ -171,8 +171,8 @@ def spot_angle(cutoff: NDArray[np.float64], beam: NDArray[np.float64]) -> NDArra
 
 
 def _radius(scene: Scene) -> float:
-    """Half the diagonal of the scene's bounding box, world units."""
-    return float(np.linalg.norm(np.ptp(scene.mesh.vertices, axis=0))) / 2
+    """Half the diagonal of the scene's bounding box, world units; 1 for a single point, which the sky lights too."""
+    return float(np.linalg.norm(np.ptp(scene.mesh.vertices, axis=0))) / 2 or 1.0
 
 
 def _nudges(bvh: BVH, positions: NDArray[np.float64]) -> NDArray[np.float64]:
