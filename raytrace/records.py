@@ -222,9 +222,7 @@ class Work(NamedTuple):
     t: NDArray[np.floating]  # f: where the rays enter the nodes on the stack
     child: NDArray[np.int32]  # i4: these nodes, or ~leaf
     alive: NDArray[np.int32]  # i4: bit masks of the rays of a packet that enter them
-    lanes: NDArray[
-        np.floating
-    ]  # f: rays of a packet that are traced singly, and their results; one row of lanes per quantity
+    lanes: NDArray[np.floating]  # f: rays that are traced singly, and their results; one row of lanes per quantity
     prim_id: NDArray[np.int32]  # i4: one row of lanes
     counts: NDArray[np.int64]  # (2,) i8: nodes visited, triangles tested (counted once per packet)
 
