@@ -19,7 +19,7 @@ from light_techniques import TECHNIQUES, Images, compare, images, lamps_in_view,
 SIGNIFICANCE, FOUND = 1e-3, 5e-3  # total; relative bias that each test must find
 SIZE = (24, 24)
 PILOT = 8  # samples per pixel
-MOST = 4096
+MOST = 8192
 
 
 def enough(scene: Any, name: str, seeds: int, level: float) -> Images:
