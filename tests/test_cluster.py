@@ -33,6 +33,7 @@ WAYS = {
     "time limit": {"spp": 9, "time_limit": 1e6},
     "target error": {"target_error": 2e-3, "spp": 64},
     "crop": {"spp": 16, "crop": (7, 9, 60, 40)},
+    "path": {"spp": 8, "integrator": "path", "precision": "float32"},
 }
 SCHEDULER = """
 import asyncio

@@ -79,3 +79,11 @@ class TextureTable(NamedTuple):
     texels: NDArray[np.floating]  # (n * 3,) f: linear colours, row after row from the bottom; or two of a checkerboard
     uv: NDArray[np.floating] | None  # (m * 6,) f: of the corners of triangles; None: no texture needs it
     colors: NDArray[np.floating] | None  # (m * 9,) f: colours of the corners; None: no texture needs them
+
+
+class Order(NamedTuple):
+    """Scratch memory for sorting paths."""
+
+    keys: NDArray[np.int32]  # (n,) i4: of octant, dominant axis and cell
+    numbers: NDArray[np.int32]  # (n,) i4: paths in the order of their keys
+    counts: NDArray[np.int32]  # (k,) i4: paths of each key

@@ -8,7 +8,7 @@ import numpy as np
 
 from raytrace.accel import query
 from raytrace.accel.lanes import PACKET
-from raytrace.passes import lights, materials, paths, textures
+from raytrace.passes import compaction, lights, materials, paths, textures
 from raytrace.passes.camera import camera_rays
 from raytrace.records import (
     CONDUCTOR,
@@ -23,6 +23,7 @@ from raytrace.records import (
     Spots,
 )
 from raytrace.rendering.path_wavefront import PathWavefront
+from raytrace.scene.path_plan import NAMES
 from raytrace.texture_records import ATTRIBUTE, CHECKERBOARD, Texture, Textures
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]  # a kernel and its arguments
@@ -87,6 +88,13 @@ def _small_textures(needs: TextureNeeds, n: int) -> Textures:
     return Textures(table, *rows)
 
 
+def every_need() -> tuple[PathNeeds, ...]:
+    """Scenes that together need every kernel of path tracing: all kinds of lights and materials; and no light."""
+    kinds = tuple(sorted(NAMES))
+    dark = PathNeeds("path", kinds, False, False, False, False, False, background=True, transparent=False)
+    return PathNeeds("path", kinds, True, True, True, True, True, background=False, transparent=True), dark
+
+
 def small_scene(needs: PathNeeds, scene: Scene) -> Scene:
     """Few triangles that have it all, made from a scene of two triangles."""
     kinds = np.array(needs.kinds, np.int8)
@@ -142,9 +150,10 @@ def path_tracing(front: PathWavefront, rays: Rays) -> Iterator[Call]:
         yield textures.look_up_reflectance, (here, 0, scene.textures, scene.surfaces, vertices)
     if front.samples_lights:
         yield from _light_calls(front)
-        yield paths.add_light, (here, 0, incident, front.radiance)
+        yield compaction.pack_shadow_rays, (incident, 0, front.grid, front.order, front.others)
+        yield compaction.add_light, (here, 0, incident, front.order, front.radiance)
     yield from _material_calls(front)
-    yield paths.go_on, (here, 0, 1, front.others)
+    yield compaction.go_on, (here, 0, 1, front.grid, front.order, front.others)
 
 
 def _light_calls(front: PathWavefront) -> Iterator[Call]:

@@ -29,11 +29,13 @@ KINDS = {
     "conductor": CONDUCTOR,
 }
 
+LIGHTS = "point", "spot", "directional", "environment"
+
 
 def materials_of(scene: Any) -> Materials:
     """Table of the materials of a valid scene; where there are textures, without their means."""
     kinds = list(scene.materials.values())
-    emission = [_numbers(getattr(m, "emission", None), 0.0) for m in kinds]
+    emission = [_three(getattr(m, "emission", None), 0.0) for m in kinds]
     index = [_index(m) for m in kinds] if any(m.type == "conductor" for m in kinds) else None
     return Materials(
         name=tuple(scene.materials),
@@ -55,10 +57,10 @@ def _reflectance(material: Any) -> tuple[float, ...]:
         with np.errstate(invalid="ignore"):
             share = ((eta - 1) ** 2 + k**2) / ((eta + 1) ** 2 + k**2)
         return tuple(np.where(np.isinf(k), 1.0, share).tolist())
-    return _numbers(getattr(material, "albedo", None) or getattr(material, "reflectance", None), 1.0)
+    return _three(getattr(material, "albedo", None) or getattr(material, "reflectance", None), 1.0)
 
 
-def _numbers(value: Any, default: float) -> tuple[float, ...]:
+def _three(value: Any, default: float) -> tuple[float, ...]:
     """Three numbers; the default where there are none, or a texture."""
     return (default,) * 3 if value is None or isinstance(value, SimpleNamespace) else tuple(value)
 
@@ -82,10 +84,7 @@ def _index(material: Any) -> tuple[Sequence[float], Sequence[float]]:
 
 def lights_of(scene: Any) -> Lights:
     """Tables of the lights of a valid scene, kind by kind."""
-    of = {
-        kind: [light for light in scene.lights if light.type == kind]
-        for kind in ("point", "spot", "directional", "environment")
-    }
+    of = {kind: [light for light in scene.lights if light.type == kind] for kind in LIGHTS}
     spots, directions = of["spot"], of["directional"]
     axes = np.array([np.subtract(light.look_at, light.position) for light in spots]).reshape(-1, 3)
     ways = np.array([light.direction for light in directions]).reshape(-1, 3)
@@ -105,7 +104,14 @@ def lights_of(scene: Any) -> Lights:
         else None,
         directions=Directions(_unit(ways), _rows(light.irradiance for light in directions)) if directions else None,
         environment=np.array(of["environment"][0].radiance) if of["environment"] else None,
+        numbers=_numbers([light.type for light in scene.lights]),
     )
+
+
+def _numbers(kinds: list[str]) -> tuple[int, ...]:
+    """Numbers of the lights of a scene, kind by kind; () where that is their order."""
+    numbers = sorted(range(len(kinds)), key=lambda k: LIGHTS.index(kinds[k]))
+    return () if numbers == list(range(len(kinds))) else tuple(numbers)
 
 
 def _rows(vectors: Iterable[Sequence[float]]) -> NDArray[np.float64]:
