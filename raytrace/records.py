@@ -139,13 +139,13 @@ class Scene:
     def corner_uv(self) -> NDArray[np.float64] | None:
         """Texture coordinates of the corners of all triangles, (m, 3, 2); those that no material needs are read now.
 
-        NaN for objects that have none; None if none has.
+        NaN for objects that have none; None if none is known.
         """
         uv = self.mesh.uv
         if self.uv_source is None or (uv is not None and not np.isnan(uv).any()):
             return uv
         read = self.uv_source.read(self.mesh)
-        return read if uv is None or read is None else np.where(np.isnan(uv), read, uv)
+        return read if uv is None else np.where(np.isnan(uv), read, uv)
 
     @property
     def refractive(self) -> bool:

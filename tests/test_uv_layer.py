@@ -52,13 +52,14 @@ def test_uv_of_a_mesh_whose_material_needs_none_are_read_when_they_are_asked_for
     assert made.sha256 == rt.load(tmp_path / "scene.json").sha256
 
 
-def test_other_layers_read_no_uv(tmp_path):
+def test_other_layers_read_no_uv(tmp_path, monkeypatch):
     made = quad(tmp_path)
     (tmp_path / "quad.obj").unlink()
     image = rt.render(made, size=SIZE, spp=1)
     assert image.aov["depth"].shape == (6, 8)
     with pytest.raises(rt.FileError, match=r"uv: .*quad.obj: no such file"):
         image.aov["uv"]
+    monkeypatch.setattr("raytrace.rendering.rendering.Run", None)  # it is an error before anything is rendered
     with pytest.raises(rt.FileError, match=r"uv: .*quad.obj: no such file"):
         rt.render(made, size=SIZE, spp=1, aov=["uv"])
 
@@ -108,6 +109,13 @@ def test_meshes_of_programs_and_scenes_that_were_sent_to_another_process(tmp_pat
     layer = uv_layer(made)
     position = layers(made)["position"]
     np.testing.assert_allclose(layer, position[..., :2] + 0.5, atol=2e-6)
+    plain = {"mesh": (box.vertices + [0, 0, 1], box.faces), "material": "white"}
+    both = rt.load(scene(camera=CAMERA, objects=[plain, {"mesh": box, "material": "white", "translate": [1.2, 0, 0]}]))
+    assert list(both.uv_source.given.values()) == [box]  # the other one has no uv, and is not kept
+    found, layer = layers(both)["prim_id"], uv_layer(both)
+    assert np.isnan(layer[found < 12]).all()
+    assert np.isfinite(layer[found >= 12]).all()
+    assert (found >= 12).any()
     sent = pickle.loads(pickle.dumps(quad(tmp_path)))
     np.testing.assert_array_equal(uv_layer(sent), uv_layer(quad(tmp_path)))
     sent = pickle.loads(pickle.dumps(rt.load(scene(camera=CAMERA, objects=[{"mesh": box, "material": "white"}]))))

@@ -24,7 +24,7 @@ from raytrace.scene.shapes import make_shape, shape_of, shape_size, sphere_frequ
 from raytrace.scene.tables import lights_of, materials_of
 from raytrace.scene.text import Text
 from raytrace.scene.transforms import PlacedMesh, place
-from raytrace.scene.uv_source import UvSource
+from raytrace.scene.uv_source import UvSource, with_uv
 
 
 def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, origins: Origins, reach: Reach) -> Scene:
@@ -80,7 +80,7 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
         objects=names,
         warnings=(),
         textures=textures,
-        uv_source=UvSource(scene.objects, reach, text.meshes),
+        uv_source=UvSource(scene.objects, reach, with_uv(text.meshes)),
     )
     if made.refractive:
         from raytrace.scene.coincident import MOST_PAIRS, chosen_coincidences
