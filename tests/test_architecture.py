@@ -34,6 +34,8 @@ MANY_ARGUMENTS: dict[str, str] = {
     "passes/rough.py:scatter_conductors": RECORDS,
     "passes/rough.py:scatter_dielectrics": RECORDS,
     "passes/plastic.py:scatter_plastic": RECORDS,
+    "passes/environment.py:sample_image": RECORDS,
+    "passes/lens.py:lens_rays": RECORDS,
     "passes/materials.py:send": "all that a material says of how a path goes on",
 }
 

@@ -122,6 +122,20 @@ def test_vertex_colours_times_the_factor(tmp_path):
     assert "objects[0].material: vertex colours: 6 of 6 corners of triangles are outside 0 to 1" in text
 
 
+def test_vertex_colours_that_are_all_equal_are_a_factor(tmp_path):
+    colours = np.full((4, 4), 0.5, "<f4") * np.array([1, 0.5, 2, 1], "<f4")
+    material = pbr(baseColorFactor=[0.5, 1, 0.5, 1], metallicFactor=0)
+    made = load(tmp_path, file_with(material, COLOR_0=colours))
+    assert made.mesh.colors is made.textures is None
+    assert made.materials.albedo[1].tolist() == [0.25, 0.25, 0.5]
+    assert load(tmp_path, file_with(COLOR_0=colours)).materials.albedo[1].tolist() == [0.5, 0.25, 1]
+    assert load(tmp_path, file_with(COLOR_0=np.ones((4, 3), "<f4"))).materials.albedo[1].tolist() == [1, 1, 1]
+    image = pbr(baseColorTexture={"index": 0}, metallicFactor=0)
+    made = load(tmp_path, add_image(file_with(image, TEXCOORD_0=UV, COLOR_0=colours)))
+    np.testing.assert_allclose(made.textures.table[0].codes[::-1], srgb_table(8)[PIXELS] * [0.5, 0.25, 1], rtol=1e-6)
+    assert made.warnings == load(tmp_path, add_image(file_with(image, TEXCOORD_0=UV))).warnings
+
+
 # Textures -------------------------------------------------------------------------------------------------------------
 
 
@@ -214,7 +228,7 @@ def test_one_warning_names_what_is_left_out(tmp_path):
         "alphaMode": "BLEND",
         "extensions": {"KHR_materials_transmission": {}, "KHR_materials_emissive_strength": {}},
     }
-    file = add_image(file_with(material, TEXCOORD_0=UV * 2, COLOR_0=np.ones((4, 3), "<f4")), sampler=0)
+    file = add_image(file_with(material, TEXCOORD_0=UV * 2, COLOR_0=np.eye(4, 3, dtype="<f4")), sampler=0)
     file.json["samplers"] = [{"wrapS": 33071}]
     made = load(tmp_path, file)
     assert made.mesh.colors is None

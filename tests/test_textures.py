@@ -326,6 +326,11 @@ def test_the_textbook_refuses_textures(folder):
             textbook(scene)
 
 
+def test_the_drawing_of_a_path_refuses_textures(folder):
+    with pytest.raises(rt.OptionError, match=r"rt\.show\.path does not have textures"):
+        rt.show.path(twins.head_on((4, 4), BLACK | {"emission": {"image": "noise.png"}}), (1, 1))
+
+
 def test_an_image_is_stored_once(folder):
     from raytrace.rendering.texture_table import make_texture_table, texture_bytes
 

@@ -28,7 +28,8 @@ def warmup(
     progress : callable, optional
         Called with a ``Progress`` from time to time.
     integrator : {"direct", "path"}
-        "path": also the kernels of path tracing, with every kind of light and material. They take twice as long.
+        "path": also the kernels of path tracing, with every kind of light and material, without textures. They
+        take twice as long.
     scenes : iterable of Scene
         Compile the kernels that these scenes need, with their settings, and no others.
 

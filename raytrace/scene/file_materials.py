@@ -1,6 +1,7 @@
 """Materials of mesh files as materials of a scene, for objects with ``"material": {"from": "file"}``."""
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -79,7 +80,7 @@ class SceneFileMaterials:
 
     def _add(self, i: int, mesh: str, material: FileMaterial) -> int:
         """Add a material, and return its row."""
-        name = base = f"{mesh}: {material.name}"
+        name = base = f"{Path(mesh).name}: {material.name}"
         while name in self._materials:
             name = f"{base} ({len(self._materials)})"
         metallic, roughness = material.metallic, material.roughness

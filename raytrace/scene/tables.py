@@ -42,7 +42,7 @@ LIGHTS = "point", "spot", "directional", "environment"
 def materials_of(scene: Any) -> Materials:
     """Table of the materials of a valid scene; where there are textures, without their means."""
     kinds = list(scene.materials.values())
-    emission = [_numbers(getattr(m, "emission", None), 0.0) for m in kinds]
+    emission = [_three(getattr(m, "emission", None), 0.0) for m in kinds]
     alpha = [getattr(m, "alpha", 0.0) for m in kinds]
     index = [_index(m) for m in kinds] if any(m.type == "conductor" for m in kinds) else None
     return Materials(
@@ -72,10 +72,10 @@ def _reflectance(material: Any) -> tuple[float, ...]:
         with np.errstate(invalid="ignore"):
             share = ((eta - 1) ** 2 + k**2) / ((eta + 1) ** 2 + k**2)
         return tuple(np.where(np.isinf(k), 1.0, share).tolist())
-    return _numbers(getattr(material, "albedo", None) or getattr(material, "reflectance", None), 1.0)
+    return _three(getattr(material, "albedo", None) or getattr(material, "reflectance", None), 1.0)
 
 
-def _numbers(value: Any, default: float) -> tuple[float, ...]:
+def _three(value: Any, default: float) -> tuple[float, ...]:
     """Three numbers; the default where there are none, or a texture."""
     return (default,) * 3 if value is None or isinstance(value, SimpleNamespace) else tuple(value)
 

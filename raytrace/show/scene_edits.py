@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raytrace.records import DIELECTRIC, REFRACTIVE, Lights, Scene
 from raytrace.rendering.compiled_scene import recompiled, set_compiled
@@ -40,9 +41,7 @@ def edited(prepared: PreparedScene, edits: SceneEdits) -> Scene:
         scene,
         camera=orbited(scene.camera, edits.azimuth, edits.elevation, edits.distance),
         lights=_brighter(scene.lights, edits.power),
-        materials=scene.materials._replace(
-            ior=ior, emission=None if scene.materials.emission is None else scene.materials.emission * edits.power
-        ),
+        materials=scene.materials._replace(ior=ior, emission=_brighter_lamps(scene, edits.power)),
         settings=prepared.settings._replace(spp=edits.spp, precision=prepared.compiled.bvh.precision),
     )
     vars(new)["sha256"] = ""  # the hash of a large mesh takes longer than a frame
@@ -60,6 +59,14 @@ def number_of_lights(scene: Scene) -> int:
         + (lights.environment is not None)
         + (scene.materials.emission is not None)
     )
+
+
+def _brighter_lamps(scene: Scene, power: float) -> NDArray[np.float64] | None:
+    """Emission of this power, relative to that of the scene; textures stay as they are."""
+    emission = scene.materials.emission
+    if emission is None or scene.textures is None:
+        return None if emission is None else emission * power
+    return np.where(scene.textures.emission[:, None] >= 0, emission, emission * power)
 
 
 def _brighter(lights: Lights, power: float) -> Lights:

@@ -5,7 +5,7 @@ sides are seen. The rest is named in ``FileMaterial.left_out``.
 """
 
 import math
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,19 @@ TRANSFORM = "KHR_texture_transform"
 REPEAT, NEAREST = 10497, 9728  # of samplers
 BASE, METAL = "baseColorTexture", "metallicRoughnessTexture"
 MAPS = {"normalTexture": "normal map", "occlusionTexture": "occlusion map"}
+WHITE, GREY = (1.0, 1.0, 1.0), (0.7, 0.7, 0.7)
+Colors = NDArray[np.float64]  # (m, 3, 3)
 GLOW = "KHR_materials_emissive_strength"
+
+
+class _Use(NamedTuple):
+    """A material, and what the part of a mesh that uses it has."""
+
+    number: int | None  # index of the material; None: the part has none
+    has_uv: bool
+    repeats: bool  # whether uv leave 0 to 1
+    has_colors: bool  # vertex colours that differ
+    tint: tuple[float, ...] | None  # the vertex colour, where all are equal
 
 
 class FileMaterials:
@@ -36,7 +48,7 @@ class FileMaterials:
 
     def __init__(self, document: Record, accessors: Accessors) -> None:
         self._document, self._accessors = document, accessors
-        self._made: dict[tuple[Any, bool, bool, bool], FileMaterial] = {}
+        self._made: dict[_Use, FileMaterial] = {}
         self._images: dict[int, FileImage | None] = {}
 
     def apply(self, mesh: RawMesh, primitive: Record, rows: NDArray[np.int64] | None) -> RawMesh:
@@ -57,12 +69,12 @@ class FileMaterials:
         uv = uv_of(mesh, primitive, self._accessors, rows, f"TEXCOORD_{number}") if texture else None
         if uv is not None:
             uv = _transformed(uv, extension(texture, TRANSFORM) or {})
-        beyond = uv is not None and bool(((uv < 0) | (uv > 1)).any())
-        colors = colors_of(mesh, primitive, self._accessors, rows)
-        key = index, uv is not None, beyond, colors is not None
-        if key not in self._made:
-            self._made[key] = self._material(*key, record)
-        made = self._made[key]
+        repeats = uv is not None and bool(((uv < 0) | (uv > 1)).any())
+        colors, tint = _without_tint(colors_of(mesh, primitive, self._accessors, rows))
+        use = _Use(index, uv is not None, repeats, colors is not None, tint)
+        if use not in self._made:
+            self._made[use] = self._material(use, record)
+        made = self._made[use]
         if made.image is not None and uv is not None:
             uv[:, :, 1] = 1 - uv[:, :, 1]
             mesh = mesh._replace(uv=uv)
@@ -70,32 +82,33 @@ class FileMaterials:
             mesh = mesh._replace(colors=colors * made.base_color)
         return mesh._replace(parts=np.zeros(len(mesh.faces), np.int32), materials=(made,))
 
-    def _material(
-        self, index: int | None, has_uv: bool, beyond: bool, has_colors: bool, record: Record
-    ) -> FileMaterial:
-        """Return a material, for a part with or without uv and vertex colours; beyond: whether its image repeats."""
-        if index is None:
-            base = (1.0, 1.0, 1.0) if has_colors else (0.7, 0.7, 0.7)
-            return FileMaterial("no material", base, None, has_colors, 0.0, 1.0, None, two_sided=True)
+    def _material(self, use: _Use, record: Record) -> FileMaterial:
+        """Return a material as a part uses it."""
+        if use.number is None:
+            grey = use.tint or (WHITE if use.has_colors else GREY)
+            return FileMaterial("no material", grey, None, use.has_colors, 0.0, 1.0, None, two_sided=True)
         pbr = record_in(record, "pbrMetallicRoughness")
         left_out = _left_out(record)
-        image, sampler = (self._texture(record_in(pbr, BASE)) if has_uv else None), self._sampler(record_in(pbr, BASE))
+        image, sampler = (
+            (self._texture(record_in(pbr, BASE)) if use.has_uv else None),
+            self._sampler(record_in(pbr, BASE)),
+        )
         if BASE in pbr and image is None:
-            left_out.append("the texture of the base colour" + ("" if has_uv else " (the mesh has no uv)"))
-        if image is not None and has_colors:
+            left_out.append("the texture of the base colour" + ("" if use.has_uv else " (the mesh has no uv)"))
+        if image is not None and use.has_colors:
             left_out.append("vertex colours beside a texture")
-        if image is not None and beyond and {sampler.get(wrap, REPEAT) for wrap in ("wrapS", "wrapT")} != {REPEAT}:
+        if image is not None and use.repeats and {sampler.get(wrap, REPEAT) for wrap in ("wrapS", "wrapT")} != {REPEAT}:
             left_out.append("clamped or mirrored textures (they repeat)")
         metallic, roughness = _factor(pbr, "metallicFactor"), _factor(pbr, "roughnessFactor")
         metal = self._texture(record_in(pbr, METAL)) if metallic >= 0.5 else None
         if METAL in pbr and metallic >= 0.5:
             left_out.append("the texture of metallic and roughness" + (" (its mean is used)" if metal else ""))
-        base = tuple(np.clip(numbers(pbr, "baseColorFactor", [1.0] * 4)[:3], 0.0, 1.0).tolist())
+        base = np.clip(numbers(pbr, "baseColorFactor", [1.0] * 4)[:3], 0.0, 1.0) * (use.tint or WHITE)
         return FileMaterial(
-            str(record.get("name") or f"materials[{index}]")[:80],
-            base,
+            str(record.get("name") or f"materials[{use.number}]")[:80],
+            tuple(base.tolist()),
             image,
-            has_colors and image is None,
+            use.has_colors and image is None,
             metallic,
             roughness,
             metal,
@@ -123,6 +136,16 @@ class FileMaterials:
             return {}
         texture = item(self._document, "textures", info["index"])
         return item(self._document, "samplers", texture["sampler"]) if "sampler" in texture else {}
+
+
+def _without_tint(colors: Colors | None) -> tuple[Colors | None, tuple[float, ...] | None]:
+    """Return vertex colours, if they differ, and otherwise their one colour: many programs write white ones."""
+    if colors is None or not len(colors):
+        return None, None
+    first = colors[0, 0]
+    if (colors == first).all() and ((first >= 0) & (first <= 1)).all():
+        return None, tuple(first.tolist())
+    return colors, None
 
 
 def _left_out(record: Record) -> list[str]:
