@@ -1,6 +1,7 @@
 """Limits of the scene format and of ``render``. This module imports nothing."""
 
 LAYERS = "depth", "normal", "albedo", "prim_id", "position", "samples", "uv"  # AOVs
+LIGHT_LAYERS = "emission", "direct", "indirect"  # AOVs of the samples themselves, with integrator path
 
 MAX_SIDE = 65_536  # pixels along a side of the film
 MAX_PIXELS = 2**28  # pixels of a film: 3 GiB of float32 RGB, 16384 x 16384

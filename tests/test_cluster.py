@@ -186,6 +186,16 @@ def test_layers_are_traced_here(scene, pair):
     assert np.array_equal(there.aov["depth"], rt.render(scene, size=SIZE, spp=1).aov["depth"])
 
 
+def test_parts_of_the_light_come_from_the_workers(pair):
+    ask = {"size": SIZE, "spp": 4, "aov": ["emission", "direct", "indirect"]}
+    box = rt.load(ROOT / "scenes" / "cornell-box-area.json")
+    here, there = rt.render(box, **ask), rt.render(box, client=pair.client, **ask)
+    assert_same(here, there)
+    for name in ask["aov"]:
+        assert there.aov[name].any()
+        assert np.array_equal(here.aov[name], there.aov[name])
+
+
 def test_machines_with_other_registers_draw_the_same_bits(machines):
     ask = {"size": SIZE, "spp": 64}
     for bits in (128, 256, 512):

@@ -9,7 +9,7 @@ from typing import NoReturn
 
 from raytrace.cli import streams
 from raytrace.errors import printable, shortened
-from raytrace.limits import LAYERS
+from raytrace.limits import LAYERS, LIGHT_LAYERS
 
 LONGEST = 1000  # most characters of a message about an argument
 
@@ -110,7 +110,7 @@ def one_of(*known: str) -> Callable[[str], str]:
 
 def layers(text: str) -> tuple[str, ...]:
     """Parse names of layers, separated by commas."""
-    return tuple(map(one_of(*LAYERS), text.split(",")))
+    return tuple(map(one_of(*LAYERS, *LIGHT_LAYERS), text.split(",")))
 
 
 def memory(text: str) -> int:
@@ -198,7 +198,10 @@ def _image_options(parser: ArgumentParser) -> None:
     add("--target-error", type=real_number(1e-6, 0.999), metavar="E", help=text)
     text = "resume from <output>.checkpoint if it exists; otherwise create it"
     add("--resume", action="store_true", help=text)
-    add("--aov", type=layers, default=(), metavar="A,B", help=f"layers to save in an .exr or .npz: {', '.join(LAYERS)}")
+    text = (
+        f"layers to save in an .exr or .npz: {', '.join(LAYERS)}; with integrator path also {', '.join(LIGHT_LAYERS)}"
+    )
+    add("--aov", type=layers, default=(), metavar="A,B", help=text)
     text = "of a .png: multiply radiance by 2^STOPS"
     add("--exposure", type=real_number(-100, 100), default=0.0, metavar="STOPS", help=text)
     add("--quiet", action="store_true", help="no progress and no messages, only errors")

@@ -10,6 +10,8 @@ from raytrace.accel import query
 from raytrace.accel.lanes import PACKET
 from raytrace.passes import compaction, lights, materials, paths, textures
 from raytrace.passes.camera import camera_rays
+from raytrace.passes.film import make_film, make_frame
+from raytrace.passes.light_layers import accumulate_layers, develop_layers, mark_first, split
 from raytrace.records import (
     CONDUCTOR,
     DIELECTRIC,
@@ -22,6 +24,7 @@ from raytrace.records import (
     Scene,
     Spots,
 )
+from raytrace.rendering.layered_wavefront import LayeredWavefront
 from raytrace.rendering.path_wavefront import PathWavefront
 from raytrace.scene.path_plan import NAMES
 from raytrace.texture_records import ATTRIBUTE, CHECKERBOARD, Texture, Textures
@@ -50,10 +53,11 @@ class PathNeeds(NamedTuple):
     lamps: bool
     background: bool
     transparent: bool  # shadow rays pass a surface
+    light: bool = False  # emission, direct and indirect light are kept
     textures: TextureNeeds | None = None  # None: there are none
 
 
-def path_needs_of(scene: Scene, integrator: str) -> PathNeeds:
+def path_needs_of(scene: Scene, integrator: str, light: bool = False) -> PathNeeds:
     """What of a scene decides which kernels path tracing needs."""
     used = np.flatnonzero(np.bincount(scene.mesh.material_id))
     emission = scene.materials.emission
@@ -67,6 +71,7 @@ def path_needs_of(scene: Scene, integrator: str) -> PathNeeds:
         emission is not None and bool((emission[used] > 0).any()),
         bool(scene.background.any()),
         bool(scene.materials.transparent_shadow[used].any()),
+        light,
         _texture_needs(scene),
     )
 
@@ -154,6 +159,16 @@ def path_tracing(front: PathWavefront, rays: Rays) -> Iterator[Call]:
         yield compaction.add_light, (here, 0, incident, front.order, front.radiance)
     yield from _material_calls(front)
     yield compaction.go_on, (here, 0, 1, front.grid, front.order, front.others)
+    if isinstance(front, LayeredWavefront):
+        yield from _layer_calls(front)
+
+
+def _layer_calls(front: LayeredWavefront) -> Iterator[Call]:
+    film, here = make_film(PACKET, light=True), front.paths
+    yield mark_first, (here, 0)
+    yield split, (here, 0, 1, front.light, front.radiance, front.layers)
+    yield accumulate_layers, (front.layers, 0, 0, film.sums, 0, PACKET)
+    yield develop_layers, (film.sums, film.samples, np.zeros(0, np.int64), 0, 0, make_frame(0).light)
 
 
 def _light_calls(front: PathWavefront) -> Iterator[Call]:
