@@ -71,7 +71,7 @@ class BothSidesShine(Usual):
         triangles.reshape(-1, 12)[:, 9:] *= -1
         if whole.lamps:
             other = whole.shading._replace(triangles=triangles)
-            path_wavefront.paths.see_lamps(here, n, other, whole.surfaces, self.radiance)
+            path_wavefront.paths.see_lamps(here, n, other, whole.surfaces, whole.lamp_textures, self.radiance)
 
 
 class NoFactorOfRadiance(Usual):

@@ -130,14 +130,14 @@ def varied_by_color(colors, prim, u, v):
 
 
 @inlined
-def varied_by_uv(uv, textures, row, prim, u, v, colour):
+def varied_by_uv(uv, textures, row, prim, at, colour):
     """Colours of images and checkerboards; ``colour`` for textures of another kind."""
     if uv is None:
         return colour
     eps = machine_epsilon(textures.scale)
     kind, first = row_of(textures.layout, row, 4, 0), row_of(textures.layout, row, 4, 1)
     size = row_of(textures.layout, row, 4, 2), row_of(textures.layout, row, 4, 3)
-    s, t = uv_at(uv, prim, u, v)
+    s, t = uv_at(uv, prim, at[0], at[1])
     s, t = s * row_of(textures.scale, row, 2, 0), t * row_of(textures.scale, row, 2, 1)
     near, board = kind == np.int32(NEAREST), kind == np.int32(CHECKERBOARD)
     if bits(near | board) != 0:
@@ -150,20 +150,20 @@ def varied_by_uv(uv, textures, row, prim, u, v, colour):
 
 
 @inlined
-def texture_at(textures, row, prim, u, v):
+def texture_at(textures, row, prim, at):
     """Colours of textures at points of triangles, given by barycentric coordinates."""
-    colour = varied_by_color(textures.colors, prim, u, v)
-    return varied_by_uv(textures.uv, textures, row, prim, u, v, colour)
+    colour = varied_by_color(textures.colors, prim, at[0], at[1])
+    return varied_by_uv(textures.uv, textures, row, prim, at, colour)
 
 
 @inlined
-def varied(textures, rows, material, prim, u, v, constant):
+def varied(textures, rows, material, prim, at, constant):
     """Colours of materials at points of triangles; ``rows`` says which of them have a texture."""
     row = gather(rows, material)
     textured = row >= np.int32(0)
     if bits(textured) == 0:
         return constant
-    return choose3(textured, texture_at(textures, select(textured, row, np.int32(0)), prim, u, v), constant)
+    return choose3(textured, texture_at(textures, select(textured, row, np.int32(0)), prim, at), constant)
 
 
 @kernel
@@ -179,7 +179,7 @@ def look_up_reflectance(paths, n, textures, surfaces, vertices):
         material, prim = numbers_of(material, there), numbers_of(load(hits.prim_id, i, like), there)
         u, v = load(hits.u, i, like), load(hits.v, i, like)
         constant = vector_of(surfaces.reflectance, material, 3, 0)
-        colour = varied(textures, textures.reflectance, material, prim, u, v, constant)
+        colour = varied(textures, textures.reflectance, material, prim, (u, v), constant)
         store3(vertices.reflectance, i, size, colour)
 
 
