@@ -56,7 +56,7 @@ def light_words(scene: Scene) -> str:
     if lights.directions is not None:
         counts["directional light"] = len(lights.directions.direction)
     if lights.environment is not None:
-        counts["environment"] = 1
+        counts["environment" if lights.image is None else "environment image"] = 1
     if triangles := lamp_triangles(scene):
         counts["emitting triangle"] = triangles
     found = {noun: number for noun, number in counts.items() if number} or {"point light": 0}
@@ -77,7 +77,7 @@ def path_passes(scene: Scene) -> tuple[tuple[str, str], ...]:
     kinds = set(scene.materials.kind[_used(scene)].tolist())
     until = f"up to depth {depth}, with Russian roulette from depth {ROULETTE_FROM}"
     most = most_rays(scene)
-    rows = [("camera", "one ray per sample")]
+    rows = [("camera", f"one ray per sample{_camera_words(scene)}")]
     rows.append(("closest hit", f"one query per ray, at most {most.closest:.3g} per sample on average"))
     if lamp_triangles(scene) or scene.lights.environment is not None:
         rows.append(("emission", "light that paths meet, weighted by multiple importance sampling"))
@@ -101,6 +101,18 @@ def path_passes(scene: Scene) -> tuple[tuple[str, str], ...]:
     return (*rows, ("film", "twelve sums per pixel: three channels in four bins"))
 
 
+def _camera_words(scene: Scene) -> str:
+    """What a camera has beside a pinhole, in words."""
+    camera, words = scene.camera, []
+    if camera.aperture > 0:
+        words.append(f"through a lens of radius {camera.aperture:g}, in focus at {camera.focus:.4g}")
+    if camera.height is not None:
+        words.append(f"parallel, over a height of {camera.height:g}")
+    if scene.settings.filter != "box":
+        words.append(f"with positions by the {scene.settings.filter} filter")
+    return "".join(f", {each}" for each in words)
+
+
 def _lit(scene: Scene) -> bool:
     lights = scene.lights
     others = (lights.spots, lights.directions, lights.environment)
@@ -117,6 +129,13 @@ def path_left_out(scene: Scene) -> tuple[tuple[str, str], ...]:
         ("sampling of spot lights", "there is none", lights.spots is not None),
         ("sampling of directional lights", "there is none", lights.directions is not None),
         ("sampling of an environment", "there is none", lights.environment is not None),
+        (
+            "lookup of an environment image",
+            "the environment is constant",
+            lights.image is not None or lights.environment is None,
+        ),
+        ("lens", "the camera is a pinhole", scene.camera.aperture > 0),
+        ("filter", "the film's filter is a box", scene.settings.filter != "box"),
         *((f"{name} pass", f"no surface is of type {name}", kind in kinds) for kind, name in NAMES.items()),
         ("indirect light", 'the integrator is "direct"', scene.settings.integrator == "path"),
         ("normal interpolation", "all meshes are flat", scene.mesh.normals is not None),

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.accel.lanes import PACKET
-from raytrace.passes import lights, paths
+from raytrace.passes import environment, lights, paths
 from raytrace.passes.path_records import Paths
 from raytrace.passes.sampling import make_sampler
-from raytrace.records import DIELECTRIC, DIFFUSE, REFRACTIVE, Columns
+from raytrace.records import DIELECTRIC, REFRACTIVE, SCATTERING, Columns
 from raytrace.rendering.compiled_scene import paths_of
 from raytrace.rendering.path_scene import PathScene
 from raytrace.rendering.path_wavefront import PathWavefront
@@ -139,6 +139,9 @@ def _radiance_met(scene: PathScene, step: Step) -> NDArray[np.floating]:
     """Radiance of what a ray meets: a lamp's, the environment's or the background's."""
     if step.prim_id >= 0:
         return scene.surfaces.emission.reshape(-1, 3)[scene.shading.material_id[step.prim_id]]
+    if scene.image is not None:
+        colour, _ = environment.seen(scene.image, tuple(step.d[:, None].astype(scene.image.texels.dtype)))
+        return np.array(colour)[:, 0]
     if scene.environment is not None:
         return scene.environment[:3]
     return BLACK if scene.background is None else scene.background
@@ -153,7 +156,7 @@ def _event(scene: PathScene, k: int, vertex: _Vertex, step: Step) -> str:
     front = bool(step.ng @ scene.bvh.triangles[step.prim_id, 9:] > 0)
     row = scene.shading.material_id[step.prim_id]
     kind = scene.surfaces.kind[row]
-    if kind == DIFFUSE:
+    if kind in SCATTERING:
         if not front and not scene.surfaces.two_sided[row]:
             return "meets the back: black"
         if scene.integrator != "path":

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.accel.bvh import BVH
-from raytrace.errors import printable
+from raytrace.errors import OptionError, printable
 from raytrace.passes.camera import make_view
 from raytrace.records import Scene, Settings, View
 from raytrace.rendering.compiled_scene import CompiledScene, compiled_of
@@ -45,6 +45,12 @@ def tree_of(prepared: PreparedScene, split: str) -> BVH:
     """The tree that ``render`` uses, or a new one if that has another split."""
     bvh, mesh = prepared.compiled.bvh, prepared.scene.mesh
     return bvh if split == bvh.split else BVH(mesh.vertices, mesh.faces, bvh.precision, split)
+
+
+def check_pinhole(prepared: PreparedScene) -> None:
+    """Refuse an orthographic camera, for drawings that trace rays from one point."""
+    if prepared.scene.camera.height is not None:
+        raise OptionError("this drawing needs a perspective camera; use rt.show.path for an orthographic one")
 
 
 def pixel_centres(size: tuple[int, int], fine: int = 1) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

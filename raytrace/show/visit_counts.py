@@ -11,7 +11,7 @@ from raytrace.accel.bvh import BVH
 from raytrace.passes.camera import pinhole_directions
 from raytrace.records import Columns, Hits, Rays
 from raytrace.show.drawing import Drawing, new_figure, show_image
-from raytrace.show.prepared_scene import LABELS, AnyScene, pixel_centres, prepare_scene, tree_of
+from raytrace.show.prepared_scene import LABELS, AnyScene, check_pinhole, pixel_centres, prepare_scene, tree_of
 
 SCALE_QUANTILE = (
     0.999  # quantile at the top of the colour scale: otherwise a few rays along an edge would darken the rest
@@ -58,6 +58,7 @@ def heatmap(scene: AnyScene, size: tuple[int, int] | None = None, *, split: str 
     (1, 8)
     """
     prepared = prepare_scene(scene, size)
+    check_pinhole(prepared)
     width, height = prepared.settings.size
     tree = tree_of(prepared, split)
     directions = pinhole_directions(prepared.view, *pixel_centres(prepared.settings.size))

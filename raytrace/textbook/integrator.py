@@ -35,10 +35,12 @@ def integrate(scene: Scene, tree: Tree, blockers: Tree | None, o: F8, d: F8) -> 
     Raises
     ------
     OptionError
-        The scene has textures.
+        The scene has textures, a lens, an orthographic camera, or a filter that is no box.
     """
     if scene.textures is not None:
         raise OptionError("raytrace.textbook does not have textures; use raytrace.render")
+    if scene.camera.aperture > 0 or scene.camera.height is not None or scene.settings.filter != "box":
+        raise OptionError("raytrace.textbook has a pinhole and a box filter only; use raytrace.render")
     radiance = np.zeros_like(o)  # stays 0 for a path of max_depth interfaces
     path = np.arange(len(o))  # rows of the active rays in radiance
     for _ in range(scene.settings.max_depth):

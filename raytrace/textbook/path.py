@@ -137,6 +137,11 @@ def _of(point: Point, rows: NDArray[np.int64]) -> Point:
     return Point(point.p[rows], point.ng[rows], point.ns[rows], point.d[rows], point.material[rows])
 
 
+def has_lens(scene: Scene) -> bool:
+    """Whether rays need more than a pinhole and a box filter."""
+    return scene.camera.aperture > 0 or scene.camera.height is not None or scene.settings.filter != "box"
+
+
 def refuse(scene: Scene) -> None:
     """Refuse, by name, what only the kernels have."""
     kinds = scene.materials.kind[np.unique(scene.mesh.material_id)]
@@ -151,6 +156,7 @@ def refuse(scene: Scene) -> None:
         ),
         "environments": scene.lights.environment is not None,
         "textures": scene.textures is not None,
+        "lenses, orthographic cameras and filters": has_lens(scene),
     }
     for what, found in lacking.items():
         if found:
