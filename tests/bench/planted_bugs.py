@@ -48,7 +48,7 @@ CHECKS = {  # those that need few kernels
         for name in ("nested glass", "many lamps", "transparent shadows")
     ],
 }
-PATHS, LIGHTS, MATERIALS = (f"passes/{name}.py" for name in ("paths", "lights", "materials"))
+PATHS, LIGHTS, MATERIALS, COMPACTION = (f"passes/{name}.py" for name in ("paths", "lights", "materials", "compaction"))
 WAVEFRONT, TABLE, SCENE = (f"rendering/{name}.py" for name in ("path_wavefront", "light_table", "path_scene"))
 # name: (file, text, text instead)
 BUGS: dict[str, list[tuple[str, str, str]]] = {
@@ -70,7 +70,9 @@ BUGS: dict[str, list[tuple[str, str, str]]] = {
     "weights do not sum to one": [
         (MATERIALS, "power_heuristic(pdf, cosine / np.pi)", "power_heuristic(pdf, 0.5 * cosine / np.pi)")
     ],
-    "roulette without compensation": [(PATHS, "throughput = scaled(throughput, 1.0 / chance)", "pass")],
+    "roulette without compensation": [
+        (COMPACTION, "store3(paths.throughput, i, size, scaled(throughput, 1.0 / chance))", "pass")
+    ],
     "cosine twice": [(MATERIALS, "* (cosine / np.pi)", "* (cosine * cosine / np.pi)")],
     "area density not converted": [(LIGHTS, "row_of(table.numbers, row, COLUMNS, DENSITY) * r2 / cosine",
                                     "row_of(table.numbers, row, COLUMNS, DENSITY)")],
