@@ -332,6 +332,7 @@ def test_the_drawing_of_a_path_refuses_textures(folder):
 
 
 def test_an_image_is_stored_once(folder):
+    from raytrace.rendering.compiled_scene import trees_of
     from raytrace.rendering.texture_table import make_texture_table, texture_bytes
 
     scene = twins.head_on(
@@ -341,3 +342,4 @@ def test_an_image_is_stored_once(folder):
     table = make_texture_table(loaded, np.dtype(np.float32))
     assert len(table.texels) == CODES.size
     assert texture_bytes(loaded, 4) == table.texels.nbytes + table.uv.nbytes
+    assert trees_of(loaded, rt.explain(loaded), "float32", paths=True).textures == texture_bytes(loaded, 4)

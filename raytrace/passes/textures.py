@@ -15,15 +15,17 @@ from raytrace.accel.lanes import (
     machine_epsilon,
     packet,
     packet_width,
+    peek,
     select,
     splat,
+    splat_int,
     sqrt,
     to_int,
     to_real,
 )  # fmt: skip
 from raytrace.accel.vectors import choose3
 from raytrace.jit import inlined, kernel
-from raytrace.passes.surface import load3, numbers_of, row_of, store3, vector_of
+from raytrace.passes.surface import load3, numbers_of, one_row, row_of, store3, vector_of
 from raytrace.texture_records import CHECKERBOARD, NEAREST
 
 
@@ -130,15 +132,28 @@ def varied_by_color(colors, prim, u, v):
 
 
 @inlined
+def numbers_of_textures(textures, row):
+    """Kind, first texel, size and scale of textures."""
+    layout, scale = textures.layout, textures.scale
+    if one_row(row):
+        like, at = packet(scale), np.int64(row[0]) * 4
+        size = splat_int(peek(layout, at + 2), row), splat_int(peek(layout, at + 3), row)
+        factors = splat(peek(scale, at // 2), like), splat(peek(scale, at // 2 + 1), like)
+        return splat_int(peek(layout, at), row), splat_int(peek(layout, at + 1), row), size, factors
+    size = row_of(layout, row, 4, 2), row_of(layout, row, 4, 3)
+    factors = row_of(scale, row, 2, 0), row_of(scale, row, 2, 1)
+    return row_of(layout, row, 4, 0), row_of(layout, row, 4, 1), size, factors
+
+
+@inlined
 def varied_by_uv(uv, textures, row, prim, at, colour):
     """Colours of images and checkerboards; ``colour`` for textures of another kind."""
     if uv is None:
         return colour
     eps = machine_epsilon(textures.scale)
-    kind, first = row_of(textures.layout, row, 4, 0), row_of(textures.layout, row, 4, 1)
-    size = row_of(textures.layout, row, 4, 2), row_of(textures.layout, row, 4, 3)
-    s, t = uv_at(uv, prim, at[0], at[1])
-    s, t = s * row_of(textures.scale, row, 2, 0), t * row_of(textures.scale, row, 2, 1)
+    kind, first, size, scale = numbers_of_textures(textures, row)
+    a, b = vector_of(uv, prim, 6, 0), vector_of(uv, prim, 6, 3)  # as ``uv_at``
+    s, t = blend(a[0], a[2], b[1], *at) * scale[0], blend(a[1], b[0], b[2], *at) * scale[1]
     near, board = kind == np.int32(NEAREST), kind == np.int32(CHECKERBOARD)
     if bits(near | board) != 0:
         texel = select(near, nearest_at(first, size, s, t, eps), square_at(first, s, t, eps))

@@ -1,8 +1,9 @@
 """Write the sky of the scenes sky-image and still-life: ``python scenes/textures/make_sky.py [folder]``.
 
 A latitude-longitude image of 16 bits: an evening sky with clouds, land below the horizon, and a sun of some ten texels.
-A scene multiplies it by its ``scale``; with 720, the sun is about 1,000 times brighter than the sky. Numbers are rounded
-to codes before they are written, so that the last bits of functions, which differ between machines, never count.
+A scene multiplies it by its ``scale``; with 720, the sun is about 1,000 times brighter than the sky. Numbers are
+rounded to codes before they are written, so that the last bits of functions, which differ between machines, never
+count.
 """
 
 import struct
