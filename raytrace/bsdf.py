@@ -177,8 +177,8 @@ def _row(material: dict[str, Any], front: NDArray[np.bool_]) -> Material:
     if kind in (DIELECTRIC, ROUGH_DIELECTRIC, REFRACTIVE):
         ior = np.where(front, ior, 1 / ior)
     colour, eta, k = vector(table.reflectance), vector(table.eta), vector(table.k)
-    alpha, internal = np.full(shape, table.alpha[0]), np.full(shape, table.internal[0])
-    return Material(kind, bool(table.two_sided[0]), colour, ior, eta, k, alpha, internal)
+    alpha, escape = np.full(shape, table.alpha[0]), np.full(shape, table.escape[0])
+    return Material(kind, bool(table.two_sided[0]), colour, ior, eta, k, alpha, escape)
 
 
 def _table(material: dict[str, Any]) -> Surfaces:
