@@ -107,7 +107,8 @@ def sample(material: dict[str, Any], wo: ArrayLike, u: ArrayLike) -> tuple[F8, F
     wi : (n, 3) float64 array
         Unit directions.
     weight : (n, 3) float64 array
-        f abs(cos) / pdf; 0 where no light is carried.
+        f abs(cos) / pdf; 0 where no light is carried. Of a perfectly specular direction: its reflectance, or what it
+        transmits, over the probability with which it is chosen.
     pdf : (n,) float64 array
         1 / sr; inf where the direction is perfectly specular; 0 where no light is carried.
 
