@@ -107,7 +107,8 @@ def sample(material: dict[str, Any], wo: ArrayLike, u: ArrayLike) -> tuple[F8, F
     wi : (n, 3) float64 array
         Unit directions.
     weight : (n, 3) float64 array
-        f abs(cos) / pdf; 0 where no light is carried.
+        f abs(cos) / pdf; 0 where no light is carried. Of a perfectly specular direction: its reflectance, or what it
+        transmits, over the probability with which it is chosen.
     pdf : (n,) float64 array
         1 / sr; inf where the direction is perfectly specular; 0 where no light is carried.
 
@@ -177,8 +178,8 @@ def _row(material: dict[str, Any], front: NDArray[np.bool_]) -> Material:
     if kind in (DIELECTRIC, ROUGH_DIELECTRIC, REFRACTIVE):
         ior = np.where(front, ior, 1 / ior)
     colour, eta, k = vector(table.reflectance), vector(table.eta), vector(table.k)
-    alpha, internal = np.full(shape, table.alpha[0]), np.full(shape, table.internal[0])
-    return Material(kind, bool(table.two_sided[0]), colour, ior, eta, k, alpha, internal)
+    alpha, escape = np.full(shape, table.alpha[0]), np.full(shape, table.escape[0])
+    return Material(kind, bool(table.two_sided[0]), colour, ior, eta, k, alpha, escape)
 
 
 def _table(material: dict[str, Any]) -> Surfaces:

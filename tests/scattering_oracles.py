@@ -130,10 +130,22 @@ def p_value(observed: np.ndarray, expected: np.ndarray, n: int) -> float:
     return float(mpmath.gammainc((len(observed) - 1) / 2, statistic / 2, regularized=True))
 
 
-def energy(material: dict[str, Any], wo: np.ndarray, fine: int = 16) -> np.ndarray:
+def correlation(alpha: float, o: np.ndarray, i: np.ndarray) -> np.ndarray:
+    """Height-correlated masking over the separable one, for reflection: (1 + a) (1 + b) / (1 + a + b) [Walter2007]."""
+
+    def hidden(v: np.ndarray) -> np.ndarray:
+        tan2 = (v[..., 0] ** 2 + v[..., 1] ** 2) / np.maximum(v[..., 2] ** 2, 1e-20)
+        return np.asarray((np.sqrt(1 + alpha**2 * tan2) - 1) / 2)
+
+    a, b = hidden(o), hidden(i)
+    return np.asarray((1 + a) * (1 + b) / (1 + a + b))
+
+
+def energy(material: dict[str, Any], wo: np.ndarray, fine: int = 16, correlated: bool = False) -> np.ndarray:
     """Share of even light, (3,), that leaves towards wo, but for perfectly specular parts: the integral of f cos.
 
-    Where light is transmitted, radiance is multiplied by n^2, so that energy is what is counted.
+    Where light is transmitted, radiance is multiplied by n^2, so that energy is what is counted. ``correlated``: with
+    height-correlated masking, of conductors only.
     """
     ior = material.get("ior", 1.0) if wo[2] > 0 else 1 / material.get("ior", 1.0)
     total = np.zeros(3)
@@ -142,6 +154,7 @@ def energy(material: dict[str, Any], wo: np.ndarray, fine: int = 16) -> np.ndarr
 
         def leaving(directions: np.ndarray, channel: int) -> np.ndarray:
             f = rt.bsdf.eval(material, wo, directions)[:, channel]
+            f = f * correlation(material["alpha"], wo, directions) if correlated else f
             return np.asarray(f * np.abs(directions[:, 2]))
 
         for channel in range(3):

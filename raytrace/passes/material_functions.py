@@ -40,7 +40,7 @@ class Material(NamedTuple):
     eta: Vector
     k: Vector
     alpha: F8
-    internal: F8
+    escape: F8
 
 
 class Sample(NamedTuple):
@@ -75,8 +75,8 @@ def _evaluate_dielectric(row: Material, o: Vector, i: Vector) -> tuple[Vector, F
 
 
 def _evaluate_plastic(row: Material, o: Vector, i: Vector) -> tuple[Vector, F8]:
-    base = base_colour(row.colour, row.internal)
-    _, chance = coat_share(o[2], base, row.ior, row.internal)
+    base = base_colour(row.colour, row.escape)
+    _, chance = coat_share(o[2], base, row.ior, row.escape)
     value, density = evaluate_base((o[2], i[2]), base, row.ior, chance)
     return _times(base, np.where(i[2] > 0, value, 0.0)), np.where(i[2] > 0, density, 0.0)
 
@@ -97,8 +97,8 @@ def _sample_rough_dielectric(row: Material, o: Vector, u: Vector) -> Sample:
 
 
 def _sample_plastic(row: Material, o: Vector, u: Vector) -> Sample:
-    base = base_colour(row.colour, row.internal)
-    share, chance = coat_share(o[2], base, row.ior, row.internal)
+    base = base_colour(row.colour, row.escape)
+    share, chance = coat_share(o[2], base, row.ior, row.escape)
     coat = u[2] < chance
     wi, weight, density = sample_base(o[2], base, row.ior, chance, u[:2])
     mirror = _mirrored(o)

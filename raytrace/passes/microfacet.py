@@ -84,5 +84,5 @@ def transmission_density(o, h, alpha, cosines, eta):
     c_o - eta c_t = (1 - eta^2) / (c_o + eta c_t), which loses no digits.
     """
     before, behind = cosines
-    bend = eta * (before + eta * behind) / ((1.0 - eta) * (1.0 + eta))
+    bend = eta / (1.0 + eta) * ((before + eta * behind) / (1.0 - eta))
     return ggx(h, alpha) * visible(o, alpha) * (before * behind) * (bend * bend)

@@ -69,7 +69,7 @@ class Surfaces(NamedTuple):
     transparent_shadow: NDArray[np.int32]  # (k,) i4: 0 or 1
     scatters: NDArray[np.int32]  # (k,) i4: 0 or 1; 0: perfectly specular
     alpha: NDArray[np.floating]  # (k,) f: GGX width
-    internal: NDArray[np.floating]  # (k,) f: share of diffuse light from inside that a coat reflects; 0 without a coat
+    escape: NDArray[np.floating]  # (k,) f: share of diffuse light from inside that leaves a coat; 1 without a coat
 
 
 class Order(NamedTuple):

@@ -37,24 +37,24 @@ NODES = 128  # of the quadrature; the next digits of the reflectance are below 1
 
 
 @inlined
-def base_colour(albedo, internal):
-    """Albedo / (1 - albedo F_in): the base with all that the coat sends back to it."""
+def base_colour(albedo, escape):
+    """Albedo / (1 - albedo F_in): the base with all that the coat sends back to it; ``escape`` is 1 - F_in."""
     return (
-        albedo[0] / (1.0 - albedo[0] * internal),
-        albedo[1] / (1.0 - albedo[1] * internal),
-        albedo[2] / (1.0 - albedo[2] * internal),
+        albedo[0] / (1.0 - albedo[0] + albedo[0] * escape),
+        albedo[1] / (1.0 - albedo[1] + albedo[1] * escape),
+        albedo[2] / (1.0 - albedo[2] + albedo[2] * escape),
     )
 
 
 @inlined
-def coat_share(cosine, base, ior, internal):
+def coat_share(cosine, base, ior, escape):
     """Fresnel's reflectance of the coat, and the probability with which a path is reflected by it.
 
     It is F / (F + B), with B = (1 - F) (1 - F_in) max(base) the light that the base reflects to the viewer from an even
     environment, in the channel that has most.
     """
     share, _ = fresnel(cosine, ior)
-    most = (1.0 - share) * (1.0 - internal) * maximum(maximum(base[0], base[1]), base[2])
+    most = (1.0 - share) * escape * maximum(maximum(base[0], base[1]), base[2])
     return share, select(share + most > 0.0, share / (share + most), splat(1.0, share))
 
 
@@ -89,10 +89,10 @@ def scatter_plastic(sampler, paths, n, depth, mark, surfaces, vertices, incident
             continue
         ng, before = load3(vertices.ng, i, size, like), load3(paths.rays.d, i, size, like)
         ns = facing(scaled(before, -1.0), ng, load3(vertices.ns, i, size, like))
-        ior, internal = gather(surfaces.eta, material * np.int32(3)), gather(surfaces.internal, material)
-        base = base_colour(reflectance_of(vertices.reflectance, surfaces, material, i, size), internal)
+        ior, escape = gather(surfaces.eta, material * np.int32(3)), gather(surfaces.escape, material)
+        base = base_colour(reflectance_of(vertices.reflectance, surfaces, material, i, size), escape)
         to = -dot(before, ns)
-        share, chance = coat_share(to, base, ior, internal)
+        share, chance = coat_share(to, base, ior, escape)
         throughput = load3(paths.throughput, i, size, like)
         if incident is not None:
             wi, tmax = load3(incident.wi, i, size, like), load(incident.tmax, i, like)
@@ -116,8 +116,8 @@ def scatter_plastic(sampler, paths, n, depth, mark, surfaces, vertices, incident
         send(paths, i, here, (o, d), times(throughput, weight), pdf, state)
 
 
-def internal_reflectance(ior: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Share F_in of diffuse light from inside that a coat reflects: 2 integral of F c dc, by Gauss's quadrature.
+def coat_escape(ior: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Share 1 - F_in of diffuse light from inside that leaves a coat: 1 - 2 integral of F c dc, by Gauss's quadrature.
 
     The side from which no reflection is total is integrated, with c = t^2, where F has no kink; the other follows from
     (1 - F_out) = ior^2 (1 - F_in), because both sides transmit the same light.
@@ -125,15 +125,15 @@ def internal_reflectance(ior: NDArray[np.float64]) -> NDArray[np.float64]:
     Examples
     --------
     >>> import numpy as np
-    >>> internal_reflectance(np.array([1.0, 1.5])).round(4)
-    array([0.    , 0.5963])
+    >>> coat_escape(np.array([1.0, 1.5])).round(4)
+    array([1.    , 0.4037])
     """
     nodes, weights = _gauss()
     t = (0.5 + 0.5 * nodes)[:, None]
     dense = np.maximum(ior, 1 / ior)
     share, _ = fresnel(t * t + 0 * dense, dense + 0 * t)
     outside = np.asarray((2 * weights[:, None] * t * t * t * share).sum(axis=0))
-    return np.where(ior > 1, 1 - (1 - outside) / (ior * ior), outside)
+    return np.where(ior > 1, (1 - outside) / (ior * ior), 1 - outside)
 
 
 @functools.cache

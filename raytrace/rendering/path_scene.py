@@ -121,15 +121,15 @@ def make_surfaces(scene: Scene, table: LightTable | None, dtype: np.dtype) -> Su
         given.transparent_shadow.astype(np.int32),
         np.isin(given.kind, SCATTERING).astype(np.int32),
         (np.zeros(n) if given.alpha is None else given.alpha).astype(dtype),
-        _internal(scene).astype(dtype),
+        _escape(scene).astype(dtype),
     )
 
 
-def _internal(scene: Scene) -> NDArray[np.float64]:
-    """Share of diffuse light from inside that each material's coat reflects."""
-    kind, internal = scene.materials.kind, np.zeros(len(scene.materials.kind))
+def _escape(scene: Scene) -> NDArray[np.float64]:
+    """Share of diffuse light from inside that leaves each material's coat."""
+    kind, escape = scene.materials.kind, np.ones(len(scene.materials.kind))
     if (kind == PLASTIC).any():
-        from raytrace.passes.plastic import internal_reflectance
+        from raytrace.passes.plastic import coat_escape
 
-        internal[kind == PLASTIC] = internal_reflectance(scene.materials.ior[kind == PLASTIC])
-    return internal
+        escape[kind == PLASTIC] = coat_escape(scene.materials.ior[kind == PLASTIC])
+    return escape

@@ -43,14 +43,17 @@ def chi_squares() -> bool:
 
 def losses() -> None:
     """Print the table of the documents: the share of even light that is reflected, or reflected and transmitted."""
-    for title, material in (
-        ("conductor of reflectance 1", {"type": "conductor", "reflectance": [1, 1, 1]}),
-        ("dielectric, ior 1.5, from outside", {"type": "dielectric", "ior": 1.5}),
+    white = {"type": "conductor", "reflectance": [1, 1, 1]}
+    for title, material, correlated in (
+        ("conductor of reflectance 1", white, False),
+        ("the same, height-correlated", white, True),
+        ("dielectric, ior 1.5, from outside", {"type": "dielectric", "ior": 1.5}, False),
     ):
         say(f"\n| {title}, alpha | " + " | ".join(f"{degrees}°" for degrees in LOSS_ANGLES) + " |")
         say("|---" * (1 + len(LOSS_ANGLES)) + "|")
         for alpha in LOSS_ALPHAS:
-            row = [energy({**material, "alpha": alpha}, at_angle(degrees), 32)[0] for degrees in LOSS_ANGLES]
+            views = map(at_angle, LOSS_ANGLES)
+            row = [energy({**material, "alpha": alpha}, wo, 32, correlated)[0] for wo in views]
             say(f"| {alpha:g} | " + " | ".join(f"{share:.3f}" for share in row) + " |")
 
 
