@@ -247,7 +247,7 @@ def test_a_constant_image_is_the_constant_environment(write):
         ({"image": "none.exr"}, "none.exr: no such file"),
         ({"radiance": [1, 1, 1], "image": "sky.exr"}, '"radiance" and "image" exclude each other'),
         ({"radiance": [1, 1, 1], "scale": 2}, '"radiance" and "scale" exclude each other'),
-        ({}, 'missing key "radiance", or one of'),
+        ({}, 'missing key "radiance", or "image" instead'),
         ({"image": "sky.exr", "scale": -1}, "expected a number >= 0"),
         ({"image": "sky.exr", "rotate": {"axis": [0, 0, 0], "angle": 1}}, "axis"),
     ],
