@@ -1,6 +1,7 @@
 """Limits of the scene format and of ``render``. This module imports nothing."""
 
 LAYERS = "depth", "normal", "albedo", "prim_id", "position", "samples"  # AOVs
+LIGHT_LAYERS = "emission", "direct", "indirect"  # AOVs of the samples themselves, with integrator path
 
 MIN_ALPHA = 1e-3  # GGX width: below it a surface is smooth
 

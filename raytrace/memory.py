@@ -25,8 +25,9 @@ CORNERS, VERTEX = 24, 24  # bytes of three indices, and of a point
 JOINED, SMOOTH = 36, 72  # bytes of a triangle in a scene, and of its shading normals
 JOINING, AVERAGING = 175, 390  # bytes per triangle of the largest object while they are made
 TREE, BUILDING = {4: 105, 8: 260}, {4: 215, 8: 460}  # bytes per triangle, by bytes of a float: a tree, and its build
-PIXEL, BIN, LAYERS, SEARCH = 82, 24, 58, 112  # bytes per pixel: film and image; a bin; layers; adaptive sampling
+PIXEL, BIN, LAYERS, SEARCH = 94, 24, 58, 112  # bytes per pixel: film and image; a bin; layers; adaptive sampling
 SAMPLE, REFRACTED, SHADOW = 26, 18, 16  # floats per sample in flight: always, with refraction, with lights
+LIGHT, LIGHTS = 144, 12  # bytes per pixel and floats per sample in flight, of light layers
 PATH = 69  # floats per sample in flight, of path tracing
 FIXED = 2**25  # bytes: code and threads
 
@@ -194,15 +195,17 @@ class RenderSize(NamedTuple):
     search: bool  # whether there is a target error
     bins: int  # used bins per pixel: as many as samples, up to four
     batch: int  # samples in flight, on all threads
+    light: bool = False  # whether emission, direct and indirect light are kept
 
     def film(self) -> float:
         """Return the bytes of the film and of the image."""
-        return float(self.pixels * (PIXEL + BIN * self.bins + LAYERS * self.layers + SEARCH * self.search))
+        kept = LAYERS * self.layers + SEARCH * self.search + LIGHT * self.light
+        return float(self.pixels * (PIXEL + BIN * self.bins + kept))
 
     def samples(self, trees: Trees) -> float:
         """Return the bytes of the samples in flight."""
         numbers = PATH if trees.paths else SAMPLE + REFRACTED * trees.refraction + SHADOW * trees.lights
-        return float(self.batch * trees.width * numbers)
+        return float(self.batch * trees.width * (numbers + LIGHTS * self.light))
 
     def total(self, trees: Trees) -> float:
         """Return the largest number of bytes in use at once."""

@@ -66,6 +66,11 @@ class Lights(NamedTuple):
     spots: Spots | None = None
     directions: Directions | None = None
     environment: NDArray[np.float64] | None = None  # (3,) f8, W / (sr m2): radiance from all directions
+    numbers: tuple[int, ...] = ()  # of each in the scene's list: points, spots, directions, environment; (): in order
+
+    def number(self, row: int) -> int:
+        """Number, in the scene's list of lights, of a row: point lights first, then spots, directions, environment."""
+        return self.numbers[row] if self.numbers else row
 
 
 class RawMesh(NamedTuple):

@@ -37,6 +37,8 @@ WAYS = {
     "crop": {"spp": 64, "crop": (7, 9, 2 * TILE, TILE + 1)},
     "stratified": {"spp": 64, "sampler": "stratified"},
     "float32": {"spp": 64, "precision": "float32"},
+    "path": {"spp": 16, "precision": "float32", "integrator": "path", "crop": (7, 9, 2 * TILE, TILE + 1)},
+    "path, target error": {"target_error": 2e-2, "spp": 64, "precision": "float32", "integrator": "path"},
 }
 
 

@@ -33,6 +33,7 @@ WAYS = {
     "time limit": {"spp": 9, "time_limit": 1e6},
     "target error": {"target_error": 2e-3, "spp": 64},
     "crop": {"spp": 16, "crop": (7, 9, 60, 40)},
+    "path": {"spp": 8, "integrator": "path", "precision": "float32"},
 }
 SCHEDULER = """
 import asyncio
@@ -183,6 +184,16 @@ def test_a_cluster_draws_the_same_bits(scene, pair, way):
 def test_layers_are_traced_here(scene, pair):
     there = rt.render(scene, size=SIZE, spp=1, aov=["depth"], client=pair.client)
     assert np.array_equal(there.aov["depth"], rt.render(scene, size=SIZE, spp=1).aov["depth"])
+
+
+def test_parts_of_the_light_come_from_the_workers(pair):
+    ask = {"size": SIZE, "spp": 4, "aov": ["emission", "direct", "indirect"]}
+    box = rt.load(ROOT / "scenes" / "cornell-box-area.json")
+    here, there = rt.render(box, **ask), rt.render(box, client=pair.client, **ask)
+    assert_same(here, there)
+    for name in ask["aov"]:
+        assert there.aov[name].any()
+        assert np.array_equal(here.aov[name], there.aov[name])
 
 
 def test_machines_with_other_registers_draw_the_same_bits(machines):

@@ -10,6 +10,7 @@ from raytrace.rendering import compiled_scene
 from raytrace.rendering.rendering import render
 from raytrace.reporting import configurations
 from raytrace.reporting.configurations import Configuration, ConfiguredScene, configurations_of, steps_of, weight_of
+from raytrace.scene.plan import make_plan
 from small_scenes import Part, box, make_scene, studio
 
 SIZE = (24, 24)
@@ -89,3 +90,10 @@ def test_adaptive_sampling_aims_at_ever_smaller_errors():
 def test_steps_go_from_1_to_256_samples():
     assert steps_of(Configuration("sobol", "float32")) == (1, 2, 4, 8, 16, 32, 64, 128, 256)
     assert steps_of(Configuration("sobol", "float32", tree="median")) == (4, 16, 64)
+
+
+def test_the_trees_of_shadow_rays_in_path_tracing_are_configured_too():
+    configured = ConfiguredScene(studio(), Configuration("sobol", "float32", tree="median"), SIZE).scene
+    compiled = compiled_scene.compiled_of(configured, make_plan(configured), "float32")
+    traced = compiled_scene.paths_of(configured, compiled, "path")
+    assert [bvh.split for bvh in (traced.bvh, traced.shadow_bvh, traced.passed_bvh)] == ["median"] * 3

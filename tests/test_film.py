@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import rays
+from raytrace.passes.estimate import MODELS, weights_of
 from raytrace.passes.film import BINS, LUMINANCE, accumulate, bin_counts, develop, make_film, make_frame, put, taken
 from raytrace.rendering.film_tiles import ALL
 
@@ -75,7 +76,8 @@ def test_only_the_pixels_of_a_batch_are_touched(precision):
 
 def developed(film, at):
     picture = make_frame(len(at))
-    develop(film, at, 0, ALL, picture)
+    weights = weights_of(set(film.samples.tolist()), MODELS["sobol"])
+    develop(film, at, 0, ALL, weights, picture)
     return picture
 
 
@@ -102,6 +104,7 @@ def test_a_film_has_whole_packets_and_knows_nothing():
     picture = developed(film, np.arange(33))
     assert picture.rgb.tolist() == np.zeros((33, 3)).tolist()
     assert not picture.samples.any()
+    assert np.isnan(picture.var).all()
     assert np.isnan(picture.variance).all()
     assert np.isnan(picture.error).all()
 

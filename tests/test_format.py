@@ -2,6 +2,7 @@
 
 import copy
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -198,3 +199,25 @@ def test_two_shapes_and_a_matrix_beside_another_transform_are_refused():
 def test_of_very_many_problems_few_more_than_are_reported_are_found():
     data = {**WHOLE, "objects": [{"mesh": 1, **{f"k{i}": 0 for i in range(50)}}] * 5000}
     assert len(read_format(data).problems) == MAX_PROBLEMS + 1
+
+
+@pytest.mark.parametrize(
+    ("section", "entry", "told"),
+    [
+        (
+            "materials",
+            {"type": "mirror", "emission": [1, 1, 1]},
+            'emission: unknown key "emission" .*; "diffuse" has it',
+        ),
+        ("materials", {"type": "mirror", "shadows": "opaque"}, '; "dielectric", .*"refractive" have it'),
+        ("materials", {"type": "glass"}, 'type: unknown type "glass" .*; real glass is "dielectric"'),
+        ("materials", {"type": "mirror", "reflectanc": 1}, r'did you mean "reflectance"\?$'),
+        ("materials", {"type": "mirror", "shine": 1}, r'unknown key "shine" \(known: [a-z, ]*\)$'),
+        ("lights", {"type": "area", "radiance": [1, 1, 1]}, "an area light is an object whose diffuse material has"),
+    ],
+)
+def test_what_another_type_has_is_told(section, entry, told):
+    data = {section: {"x": entry} if section == "materials" else [entry]}
+    texts = [f"{problem.path[-1]}: {problem.text}" for problem in read_format(data).problems if len(problem.path) > 1]
+    assert len(texts) == 1
+    assert re.search(told, texts[0])

@@ -363,7 +363,7 @@ def test_layers_of_another_size_or_name_are_refused(tmp_path):
     for aov in ({"depth": rgb}, {"normal": rgb[:, :, 0]}, {"depth": rgb[1:, :, 0]}):
         with pytest.raises(ValueError, match="as rgb has it"):
             files.save(tmp_path / "a.npz", rgb, aov=aov)
-    with pytest.raises(ValueError, match=r"unknown layers \['dept'\]; the known ones are rgb, stderr, depth"):
+    with pytest.raises(ValueError, match=r"unknown layers \['dept'\]; the known ones are rgb, stderr, var, depth"):
         files.save(tmp_path / "a.exr", rgb, aov={"dept": rgb[:, :, 0]})
 
 

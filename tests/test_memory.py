@@ -230,7 +230,7 @@ def test_the_command_line_takes_sizes(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main.main([str(BOX), "--max-memory", "4G", "--size", "8000x8000"]) == 2
     told = capsys.readouterr().err
-    assert told.startswith("memory: the image, with 10.6 GiB for 64,000,000 pixels")
+    assert told.startswith("memory: the image, with 11.3 GiB for 64,000,000 pixels")
     assert told.count("\n") == 1
     assert main.main([str(BOX), "--max-memory", "64G", "--size", "8x8", "--spp", "1", "--quiet"]) == 0
     for text in ("-1", "0", "x", "1Q", "nan", "inf", ""):
@@ -270,7 +270,7 @@ def test_a_picture_keeps_its_pixels_and_not_the_film():
         kept = (tracemalloc.get_traced_memory()[0] - before) / (400 * 300)
     finally:
         tracemalloc.stop()
-    assert 20 <= kept < 30  # bytes a pixel: three floats, the error, the number of samples; the film has 100 more
+    assert 32 <= kept < 42  # bytes per pixel: colour and variance, error, number of samples; the film has 100 more
     assert image.aov["depth"].shape == (300, 400)
 
 

@@ -104,6 +104,7 @@ def test_ctrl_c_leaves_the_whole_image_after_the_last_complete_pass(scene, passe
         alone = rt.render(scene, size=SIZE, spp=n)
         assert np.array_equal(image.rgb, alone.rgb)
         assert np.array_equal(image.stderr, alone.stderr, equal_nan=True)
+        assert np.array_equal(image.var, alone.var, equal_nan=True)
         assert image.stats["estimated_error"] == alone.stats["estimated_error"]
         assert f", {n} of {SPP} spp, " in repr(image)
     else:

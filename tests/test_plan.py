@@ -1,6 +1,7 @@
 """The plan says what a scene needs, says it truly, and what it leaves out is neither compiled nor run."""
 
 import dataclasses
+import hashlib
 import json
 import os
 import subprocess
@@ -17,8 +18,9 @@ from raytrace.passes.sampling import make_sampler
 from raytrace.records import REFRACTIVE
 from raytrace.rendering.compiled_scene import compile_scene
 from raytrace.rendering.wavefront import Wavefront
+from raytrace.scene.path_costs import most_rays
 from raytrace.scene.plan import make_plan
-from shipped_scenes import each_scene
+from shipped_scenes import PATH_TRACED, SCENES, each_scene
 from small_scenes import Part, ball, glass, make_scene, quad, studio
 
 ROOT = Path(__file__).parents[1]
@@ -58,6 +60,65 @@ def test_the_plan_of_a_shipped_scene_is_true(path):
 def test_the_passes_that_it_names_are_those_that_run(path):
     picture = rt.render(path, size=(16, 16), spp=1)
     assert set(picture.stats["seconds_by_pass"]) == {name for name, _ in rt.explain(path).passes}
+
+
+@pytest.mark.parametrize("integrator", ["direct", "path"])
+@pytest.mark.parametrize("path", [*PATH_TRACED[:3], SCENES[1]], ids=lambda path: path.stem)
+def test_the_passes_of_path_tracing_that_it_names_are_those_that_run(path, integrator):
+    picture = rt.render(path, size=(16, 16), spp=1, integrator=integrator)
+    plan = rt.explain(path, integrator)
+    assert set(picture.stats["seconds_by_pass"]) == {name for name, _ in plan.passes}
+    scene = rt.load(path)
+    most = most_rays(dataclasses.replace(scene, settings=scene.settings._replace(integrator=integrator)))
+    if plan.paths:
+        rays = picture.stats["rays"]
+        assert (rays["camera"] + rays.get("path", 0)) / 256 <= most.closest + 0.1  # 256 samples
+        if integrator == "path":  # the count of "direct" has lanes without a ray
+            assert rays.get("shadow", 0) / 256 <= (most.shadow + 0.1) * (1 + plan.transparent)
+
+
+@pytest.mark.parametrize(("albedo", "depth"), [(0.7, 16), (0.2, 9), (0.9, 3), (1, 12)])
+def test_in_a_closed_room_the_bound_on_rays_is_reached(albedo, depth):
+    room = {
+        "camera": {"position": [0, 0, 0], "look_at": [0, 0, 1], "fov": 60},
+        "film": {"size": [64, 64]},
+        "render": {"integrator": "path", "max_depth": depth, "spp": 4},
+        "materials": {"wall": {"type": "diffuse", "albedo": [albedo] * 3, "emission": [1, 1, 1]}},
+        "objects": [{"box": {}, "material": "wall", "flip": True}],
+    }
+    most, rays = most_rays(rt.load(room)), rt.render(room).stats["rays"]
+    assert (rays["camera"] + rays["path"]) / 64**2 / 4 == pytest.approx(most.closest, rel=0.01)
+    assert rays["shadow"] / 64**2 / 4 == pytest.approx(most.shadow, rel=0.01)
+    (row,) = [text for name, text in rt.explain(room).passes if name == "closest hit"]
+    assert row == f"one query per ray, at most {most.closest:.3g} per sample on average"
+
+
+def warned(lights=(), transparent=False, lamp=None, integrator="path"):
+    """Warnings of a glass ball over a floor."""
+    glass = {"type": "dielectric", "ior": 1.5, "shadows": "transparent" if transparent else "opaque"}
+    scene = {
+        "camera": {"position": [0, 2, 4], "look_at": [0, 0, 0], "fov": 40},
+        "render": {"integrator": integrator},
+        "lights": list(lights),
+        "materials": {"floor": {"type": "diffuse", "albedo": [1, 1, 1]}, "glass": glass},
+        "objects": [
+            {"box": {}, "material": "floor", "scale": [2, 0.1, 2], "translate": [0, -1.5, 0]},
+            {"sphere": {"center": [0, 0, 0], "radius": 1, "tolerance": 0.1}, "material": "glass"},
+        ],
+    }
+    if lamp:
+        scene["materials"]["lamp"] = {"type": "diffuse", "albedo": [0, 0, 0], "emission": [9, 9, 9]}
+        scene["objects"].append({"rectangle": {}, "material": "lamp", "scale": lamp, "translate": [0, 3, 0]})
+    return rt.explain(scene).warnings
+
+
+def test_light_that_is_not_physical_or_found_badly_is_told():
+    point = {"type": "point", "position": [0, 3, 0], "flux": [9, 9, 9]}
+    sky = {"type": "environment", "radiance": [1, 1, 1]}
+    assert [line[:20] for line in warned([point])] == ["point, spot and dire"]
+    assert warned([sky]) == warned([point], integrator="direct") == warned(lamp=1.0) == ()
+    assert [line.split(":")[0] for line in warned(lamp=0.01)] == ["lamp"]
+    assert [line.split(":")[0] for line in warned([sky], transparent=True)] == ["glass"]
 
 
 @each_scene
@@ -148,6 +209,23 @@ def test_where_all_surfaces_let_shadow_rays_pass_their_tree_is_empty():
     assert np.unique(rt.render(scene).rgb.reshape(-1, 3), axis=0).tolist() == [[1.0, 2.0, 3.0]]
 
 
+BITS = {  # SHA-256 of radiance at 32 x 24 pixels and 3 samples, by the last commit without path tracing
+    "cornell-box": "18d2db75502c7b16",
+    "cornell-box-glass": "a6eba4857e4b3337",
+    "glass-slab": "7a518f2d1e953d5d",
+    "glass-sphere": "410f601524d479c0",
+    "glass-sphere-transparent-shadow": "61eddc94bcffddbc",
+    "prism": "9257ddd5642c680d",
+    "room": "a9a592c627cb2702",
+}
+
+
+@pytest.mark.parametrize("name", BITS)
+def test_scenes_without_path_tracing_keep_their_bits(name):
+    rgb = rt.render(ROOT / "scenes" / f"{name}.json", spp=3, size=(32, 24)).rgb
+    assert hashlib.sha256(np.ascontiguousarray(rgb).tobytes()).hexdigest()[:16] == BITS[name]
+
+
 COLD = """
 import json, os, sys
 import raytrace as rt
@@ -160,6 +238,7 @@ for scene in sys.argv[2:]:
     picture = rt.render(scene, spp=1, size=(16, 16))
     files = [path.read_bytes()[store.DIGEST:].split(b"\\n")[0].decode() for path in store.cache_folder().iterdir()]
     print(json.dumps({
+        "modules": [name for name in sys.modules if name.startswith("raytrace.")],
         "kept": sorted(title.split(" ", 2)[2] for title in files), "numba": "numba" in sys.modules,
         "passes": picture.stats["seconds_by_pass"], "rays": picture.stats["rays"],
         "seconds": picture.stats["compile_seconds"], "layers": list(picture.aov.computed),
@@ -185,6 +264,12 @@ def kernels(titles):
     return sorted(title.partition("(")[0].rpartition(".")[2] for title in titles)
 
 
+PATH_MODULES = [f"raytrace.rendering.{path.stem}" for path in (ROOT / "raytrace" / "rendering").glob("path_*.py")]
+PATH_MODULES += [
+    f"raytrace.passes.{name}" for name in ("paths", "lights", "materials", "fresnel", "warp", "path_records")
+]
+PATH_MODULES += ["raytrace.rendering.light_table"]
+
 TRACING = [
     "accumulate",
     "any_hit",
@@ -207,6 +292,16 @@ def test_the_plain_box_compiles_and_runs_no_more_than_it_needs(cold):
     assert set(box["rays"]) == {"camera", "shadow"}
     assert box["layers"] == []
     assert box["seconds"] > 0.5
+
+
+@compiled
+def test_scenes_without_path_tracing_import_and_compile_nothing_of_it(cold):
+    assert {"raytrace.passes.light", "raytrace.rendering.wavefront"} <= set(cold[2]["modules"])
+    assert len(PATH_MODULES) >= 10
+    assert any("raytrace.passes.light." in title for title in cold[2]["kept"])
+    for count in cold:
+        assert not set(count["modules"]) & set(PATH_MODULES)
+        assert not [title for title in count["kept"] if any(f"{name}." in title for name in PATH_MODULES)]
 
 
 @compiled

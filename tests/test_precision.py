@@ -23,6 +23,11 @@ from small_scenes import Part, look, make_scene, quad
 ROOT = Path(__file__).parents[1]
 BOX = ROOT / "scenes" / "cornell-box.json"
 FLOOR = quad((-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1))
+TWO_SQUARES = {
+    "camera": {"position": [0, 0, 4], "look_at": [0, 0, 0], "fov": 40},
+    "materials": {"m": {"type": "diffuse", "albedo": [1, 1, 1]}},
+    "objects": [{"rectangle": {}, "material": "m"}],
+}
 LIGHT = ((0, 2, 0), (1, 1, 1))
 
 
@@ -174,6 +179,49 @@ def test_levels_that_float32_can_not_hold_ask_for_float64(change, told):
     scene = dataclasses.replace(auto(make_scene([Part(FLOOR)], [LIGHT])), **change)
     assert (choose_precision(scene).why == "fluxes, background or indices leave 1e-30 .. 1e+30") == told
     assert (choose_precision(scene).name == "float64") == told
+
+
+@pytest.mark.parametrize(
+    ("lights", "material", "told"),
+    [
+        ({"type": "spot", "intensity": [1e31, 0, 0]}, {}, "intensities leave"),
+        ({"type": "directional", "direction": [0, -1, 0], "irradiance": [1e-31, 0, 0]}, {}, "irradiances leave"),
+        ({"type": "environment", "radiance": [1e31, 0, 0]}, {}, "radiances of the environment leave"),
+        ({}, {"emission": [1e31, 1, 1]}, "emissions leave"),
+        ({}, {"type": "conductor", "eta": [1, 1, 1], "k": [1, 1, 1e-31]}, "values of k leave"),
+        ({}, {"type": "conductor", "eta": [1, 1, 1e-31], "k": [1, 1, 1]}, "values of eta leave"),
+        ({}, {"type": "conductor", "reflectance": [1, 1, 1]}, "error of a point at most"),  # k is infinite: no lack
+        ({"type": "spot", "position": [0, 1e13, 0]}, {}, "sizes leave"),
+    ],
+)
+def test_levels_and_places_of_all_kinds_count(lights, material, told):
+    spot = {"position": [0, 2, 0], "look_at": [0, 0, 0], "intensity": [1, 1, 1], "cutoff": 30}
+    lights = spot | lights if lights.get("type") == "spot" else lights
+    if material.get("type") != "conductor":
+        material = {"type": "diffuse", "albedo": [0, 0, 0]} | material
+    scene = {**TWO_SQUARES, "lights": [lights] if lights else [], "materials": {"m": material}}
+    assert rt.explain(scene).precision.why.startswith(told)
+
+
+def test_a_light_that_is_too_far_is_named_by_its_row_of_the_file():
+    point = {"type": "point", "position": [0, 1, 0], "flux": [1, 1, 1]}
+    spot = {"type": "spot", "position": [0, 1, 0], "look_at": [0, 0, 0], "intensity": [1, 1, 1], "cutoff": 30}
+    sun = {"type": "directional", "direction": [0, -1, 0], "irradiance": [1, 1, 1]}
+    lights = [spot, sun, point, {**spot, "position": [0, 1e80, 0]}, {**point, "position": [0, -1e80, 0]}]
+    with pytest.raises(rt.SceneError) as caught:
+        rt.explain({**TWO_SQUARES, "lights": lights})
+    assert [line.split(": ")[1] for line in caught.value.problems] == ["lights[4]", "lights[3]"]
+
+
+def test_a_transform_whose_terms_cancel_beyond_float64_is_refused():
+    there, back = np.eye(4), np.eye(4)
+    there[0, 3], back[0, 3] = 1e10, 1e15
+    vertices = [[-1e10, 0, 0], [-1e10 + 1, 0, 0], [-1e10, 1, 0]]
+    near = {"mesh": (vertices, [[0, 1, 2]]), "material": "m", "matrix": there.tolist()}
+    assert rt.explain({**TWO_SQUARES, "objects": [near]}).precision.name == "float32"
+    far = {"mesh": ([[x - (1e15 - 1e10), y, z] for x, y, z in vertices], [[0, 1, 2]]), "material": "m"}
+    with pytest.raises(rt.SceneError, match=r"objects\[0\].*its transform adds numbers up to 2e\+15 to a size of 1"):
+        rt.explain({**TWO_SQUARES, "objects": [{**far, "matrix": back.tolist()}]})
 
 
 @pytest.mark.parametrize("shift", [1e14, 1e15])

@@ -44,9 +44,10 @@ NATIVE = {
     "objects": [
         {"mesh": "triangle.obj", "material": "grey_diffuse"},
         {"mesh": "triangle.obj", "material": "water", "translate": [1, 2, 3], "scale": 2},
-        {"sphere": {"center": [0, 1, 0], "radius": 0.5}, "material": "water"},
+        {"sphere": {"center": [0, 1, 0], "radius": 0.5}, "material": "water", "normals": "smooth"},
     ],
 }
+AREA = {"type": "area", "radiance": [17, 12, 5]}
 
 
 def changed(*path, value=...):
@@ -69,15 +70,78 @@ def test_dialect_means_the_same_as_its_translation(tmp_path):
     assert dialect.materials.kind.tolist() == [DIFFUSE, REFRACTIVE]
     assert dialect.materials.ior.tolist() == [1, 0.5]
     assert dialect.materials.name == native.materials.name
-    assert dialect.mesh.normals is None
     assert dialect.warnings == ()
     np.testing.assert_array_equal(dialect.camera.up, [0, 2, 0])
+
+
+def test_a_path_traced_dialect_means_the_same_as_its_translation(tmp_path):
+    scene = json.loads(json.dumps(DIALECT))
+    scene["integrator"] = {"type": "path", "profile": {"any": "thing"}, "max_depth": 7, "spp": 8}
+    scene["materials"]["water"] = {"type": "glass", "eta": 1.5, "R": 1, "T": [1, 1, 1]}
+    scene["objects"][0]["light"] = AREA
+    scene["objects"].append({"type": "mesh", "path": "triangle.obj", "light": {"type": "area", "radiance": [1, 2, 3]}})
+    dialect = load(write(tmp_path, scene, "a.json"))
+    native = json.loads(json.dumps(NATIVE))
+    native["render"] = {"spp": 8, "max_depth": 7, "integrator": "path"}
+    native["lights"] = []
+    native["materials"] = {
+        "water": {"type": "dielectric", "ior": 1.5},
+        "lit": {"type": "diffuse", "albedo": [0.7, 0.6, 0.5], "emission": [17, 12, 5]},
+        "lamp": {"type": "diffuse", "albedo": [0, 0, 0], "emission": [1, 2, 3]},
+    }
+    native["objects"][0]["material"] = "lit"
+    native["objects"].append({"mesh": "triangle.obj", "material": "lamp"})
+    native = load(write(tmp_path, native, "b.json"))
+    assert dialect.sha256 == native.sha256
+    assert dialect.settings == native.settings
+    assert dialect.warnings == ()
+
+
+def test_a_material_that_a_lamp_shares_stays_what_it_is(tmp_path):
+    scene = changed("objects", 0, "light", value=AREA)
+    scene["objects"].append({"type": "mesh", "path": "triangle.obj", "material_name": "grey_diffuse"})
+    loaded = load(write(tmp_path, scene))
+    emission = dict(zip(loaded.materials.name, loaded.materials.emission.tolist(), strict=True))
+    assert emission == {
+        "grey_diffuse": [0, 0, 0],
+        "water": [0, 0, 0],
+        "grey_diffuse with the light of objects[0]": [17, 12, 5],
+    }
+    scene["textures"]["grey"]["color"] = [2, 0, 0]
+    with pytest.raises(SceneError) as caught:
+        load(write(tmp_path, scene))
+    assert str(caught.value).count("\n") == 0  # told once
+
+
+@pytest.mark.parametrize(
+    "point",
+    [
+        {"point_light_position": [[0, 1, 0], [1, 1, 1]], "point_light_flux": [[1, 2, 3], [4, 5, 6]]},
+        {"point_lights": [{"position": [0, 1, 0], "flux": [1, 2, 3]}, {"position": [1, 1, 1], "flux": [4, 5, 6]}]},
+        {
+            "point_light_position": [0, 1, 0],
+            "point_light_flux": [1, 2, 3],
+            "point_lights": [{"position": [1, 1, 1], "flux": [4, 5, 6]}],
+        },
+    ],
+)
+def test_there_may_be_several_point_lights(tmp_path, point):
+    loaded = load(write(tmp_path, changed("integrator", value={"type": "intersection_test", **point})))
+    assert loaded.lights.position.tolist() == [[0, 1, 0], [1, 1, 1]]
+    assert loaded.lights.flux.tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+def test_with_a_lamp_no_point_light_is_needed(tmp_path):
+    scene = changed("objects", 0, "light", value=AREA)
+    scene["integrator"] = {"type": "intersection_test"}
+    assert len(load(write(tmp_path, scene)).lights.flux) == 0
 
 
 def test_dialect_is_known_by_its_keys():
     assert is_dialect({"integrator": 5})
     assert is_dialect({"textures": {}})
     assert is_dialect({"objects": [5, {"material_name": "x"}]})
+    assert is_dialect({"objects": [{"light": {}}]})
     assert not is_dialect(NATIVE)
     assert not is_dialect({"objects": 5})
 
@@ -85,8 +149,8 @@ def test_dialect_is_known_by_its_keys():
 WRONG = [
     (
         ("integrator", "type"),
-        "path",
-        'integrator.type: integrator "path" is not supported (supported: intersection_test)',
+        "bdpt",
+        'integrator.type: integrator "bdpt" is not supported (supported: intersection_test, path)',
     ),
     (("integrator", "spp"), 0, "integrator.spp: expected a number >= 1, got 0"),
     (("integrator", "point_light_flux"), [1, -1, 1], "integrator.point_light_flux[1]: expected a number >= 0, got -1"),
@@ -144,6 +208,42 @@ WRONG = [
     (("objects", 1, "scale"), 0, "objects[1].scale: a scale of 0 leaves no surface"),
     (("objects",), [], "objects: the list is empty"),
     (("objects",), {}, "objects: expected a list, got an object"),
+    (("textures", "floor"), {"type": "checkerboard"}, 'textures.floor.type: texture "checkerboard" is not supported'),
+    (("integrator", "profile"), True, 'integrator.profile: unknown key "profile" (known: '),  # only of "path"
+    (("integrator", "point_light_position"), [[0, 1, 0]], "integrator.point_light_flux: expected as many positions as"),
+    (("integrator", "point_lights"), 1, "integrator.point_lights: expected a list, got 1"),
+    (("integrator", "point_lights"), [{"position": [0, 1, 0]}], 'integrator.point_lights[0]: missing key "flux"'),
+    (
+        ("integrator", "point_lights"),
+        [{"position": [0, 1, 0], "flux": [1, 2]}],
+        "integrator.point_lights[0].flux: expected a list of 3 numbers, got a list of 2",
+    ),
+    (("materials", "water"), {"type": "glass"}, 'materials.water: missing key "eta"'),
+    (("materials", "water"), {"type": "glass", "eta": -1}, "materials.water.eta: expected a number > 0, got -1"),
+    (
+        ("materials", "water"),
+        {"type": "glass", "eta": 1.5, "R": 0.5},
+        "materials.water.R: R other than 1 is not supported, got 0.5",
+    ),
+    (
+        ("materials", "water"),
+        {"type": "glass", "eta": 1.5, "T": [1, 1, 0]},
+        "materials.water.T: T other than 1 is not supported, got a list of 3",
+    ),
+    (("objects", 0, "light"), 5, "objects[0].light: expected an object, got 5"),
+    (("objects", 0, "light"), {"type": "area"}, 'objects[0].light: missing key "radiance"'),
+    (("objects", 0, "light"), AREA | {"scale": 2}, 'objects[0].light.scale: unknown key "scale" (known: '),
+    (("objects", 0, "light"), AREA | {"type": "sun"}, 'objects[0].light.type: light "sun" is not supported'),
+    (
+        ("objects", 0, "light"),
+        AREA | {"radiance": [1, -1, 1]},
+        "objects[0].light.radiance[1]: expected a number >= 0, got -1",
+    ),
+    (
+        ("objects", 1, "light"),
+        AREA,
+        'objects[1].light: only a diffuse material can have a light; "water" is "refraction"',
+    ),
     (("lights",), [], 'lights: unknown key "lights" (known: '),
 ]
 

@@ -140,6 +140,7 @@ def test_a_file_holds_the_picture_its_error_and_the_layers_asked_for(drawn, endi
     kept = files.load(path)
     np.testing.assert_array_equal(kept.rgb, drawn.rgb)
     np.testing.assert_array_equal(kept.stderr, drawn.stderr)
+    np.testing.assert_array_equal(kept.var, drawn.var)
     assert set(kept.aov) == {"depth", "position", "prim_id", "samples"}
     for name, layer in kept.aov.items():
         np.testing.assert_array_equal(layer, drawn.aov[name])

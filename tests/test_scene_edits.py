@@ -9,7 +9,7 @@ import pytest
 import raytrace as rt
 from raytrace.scene.fingerprint import fingerprint
 from raytrace.show.prepared_scene import prepare_scene
-from raytrace.show.scene_edits import SceneEdits, edited, indices_of_refraction
+from raytrace.show.scene_edits import SceneEdits, edited, indices_of_refraction, number_of_lights
 
 FILE = "scenes/cornell-box-glass.json"
 SIZE = (40, 30)
@@ -71,3 +71,42 @@ def test_no_tree_is_built_and_no_plan_made_again(prepared, monkeypatch):
 def test_only_glass_has_an_index(prepared):
     assert indices_of_refraction(prepared.scene) == {"pane": 0.5}
     assert indices_of_refraction(rt.load("scenes/cornell-box.json")) == {}
+
+
+ALL_LIGHTS = {
+    "camera": {"position": [0, 1, 4], "look_at": [0, 0, 0], "fov": 45},
+    "film": {"size": SIZE},
+    "render": {"integrator": "path", "spp": 2, "precision": "float32"},
+    "lights": [
+        {"type": "environment", "radiance": [0.2, 0.3, 0.4]},
+        {"type": "spot", "position": [1, 3, 1], "look_at": [0, 0, 0], "intensity": [3, 3, 3], "cutoff": 60},
+        {"type": "directional", "direction": [0.2, -1, -0.1], "irradiance": [1, 0.8, 0.6]},
+        {"type": "point", "position": [-1, 2, 1], "flux": [20, 20, 20]},
+    ],
+    "materials": {
+        "lamp": {"type": "diffuse", "albedo": [0.5, 0.5, 0.5], "emission": [0.4, 0.3, 0.2]},
+        "glass": {"type": "dielectric", "ior": 1.5},
+    },
+    "objects": [
+        {"box": {}, "material": "lamp", "scale": [3, 0.1, 3], "translate": [0, -0.6, 0]},
+        {"sphere": {"center": [0, 0, 0], "radius": 0.5, "tolerance": 0.1}, "material": "glass"},
+    ],
+}
+
+
+def test_all_lights_and_real_glass_can_be_changed():
+    prepared = prepare_scene(rt.load(ALL_LIGHTS))
+    assert indices_of_refraction(prepared.scene) == {"glass": 1.5}
+    assert number_of_lights(prepared.scene) == 5
+    assert number_of_lights(rt.load(FILE)) == 1
+    content = copy.deepcopy(ALL_LIGHTS)
+    for light in content["lights"]:
+        for key in {"flux", "intensity", "irradiance", "radiance"} & light.keys():
+            light[key] = [0.5 * number for number in light[key]]
+    content["materials"]["lamp"]["emission"] = [0.2, 0.15, 0.1]
+    content["materials"]["glass"]["ior"] = 1.25
+    scene, file = edited(prepared, SceneEdits(power=0.5, ior={"glass": 1.25}, spp=2)), rt.load(content)
+    assert fingerprint(scene) == file.sha256
+    drawn = rt.render(scene)
+    np.testing.assert_array_equal(drawn.rgb, rt.render(file).rgb)
+    np.testing.assert_allclose(rt.render(prepared.scene).rgb.mean(), 2 * drawn.rgb.mean(), rtol=0.1)

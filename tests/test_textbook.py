@@ -184,6 +184,48 @@ def test_its_path_tracer_agrees_with_the_kernels():
     assert spread < 0.05 * fast.mean()
 
 
+LAMP = {"type": "diffuse", "albedo": [0.3, 0.2, 0.1], "emission": [3, 2, 1]}
+GREY = {"type": "diffuse", "albedo": [0.6, 0.5, 0.4]}
+POINT = [{"type": "point", "position": [0.2, 0.9, 0.4], "flux": [20, 25, 30]}]
+MATERIALS = {  # of a ball in a room, and lights
+    "a ball that is a lamp": (LAMP, []),
+    "a mirror and a point light": ({"type": "mirror", "reflectance": [0.9, 0.7, 0.5]}, POINT),
+    "glass": ({"type": "dielectric", "ior": 1.5}, POINT),
+    "glass of the course": ({"type": "refractive", "ior": 1.5}, POINT),
+}
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_its_path_tracer_agrees_with_the_kernels_on_each_material_and_light(name):
+    """t-test of the means of 3 x 3 blocks and of the whole image, with fixed seeds."""
+    ball, lights = MATERIALS[name]
+    turned = {"axis": [1, 0, 0], "angle": 90}
+    scene = load(
+        {
+            "camera": {"position": [0, 0, 0.99], "look_at": [0, -0.2, 0], "fov": 90},
+            "render": {"integrator": "path", "max_depth": 4},
+            "lights": lights,
+            "materials": {"ball": ball, "lamp": LAMP, "grey": GREY},
+            "objects": [
+                {"box": {}, "material": "grey", "flip": True},
+                {"sphere": {"center": [0, -0.4, -0.2], "radius": 0.45, "tolerance": 0.02}, "material": "ball"},
+                {"rectangle": {}, "material": "lamp", "scale": 0.4, "rotate": turned, "translate": [0.3, 0.97, 0]},
+                {"rectangle": {}, "material": "lamp", "scale": 0.2, "translate": [-0.3, 0, -0.9]},
+            ],
+        }
+    )
+
+    def blocks(rgb):
+        means = rgb.reshape(3, 3, 3, 3, 3).mean(axis=(1, 3, 4))
+        return np.append(means.ravel(), means.mean())
+
+    slow = np.array([blocks(textbook.render(scene, spp=16, size=(9, 9), seed=seed)) for seed in range(6)])
+    fast = np.array([blocks(rt.render(scene, spp=64, size=(9, 9), seed=seed).rgb) for seed in range(8)])
+    spread = np.sqrt(slow.var(axis=0, ddof=1) / len(slow) + fast.var(axis=0, ddof=1) / len(fast))
+    assert (np.abs(slow.mean(axis=0) - fast.mean(axis=0)) < 5.5 * spread).all()
+    assert spread[-1] < 0.03 * fast.mean()
+
+
 @pytest.mark.parametrize(
     ("lights", "what"),
     [
@@ -200,4 +242,15 @@ def test_its_path_tracer_refuses_by_name_what_it_does_not_have(lights, what):
         "objects": [{"rectangle": {}, "material": "white"}],
     }
     with pytest.raises(rt.OptionError, match=what):
+        textbook.render(scene, spp=1, size=(4, 4))
+
+
+def test_its_path_tracer_refuses_lamps_among_transparent_shadows():
+    scene = {
+        "camera": {"position": [0, 0, 5], "look_at": [0, 0, 0], "fov": 30},
+        "render": {"integrator": "path"},
+        "materials": {"lamp": LAMP, "glass": {"type": "dielectric", "ior": 1.5, "shadows": "transparent"}},
+        "objects": [{"rectangle": {}, "material": "lamp"}, {"box": {}, "material": "glass", "translate": [0, 0, 2]}],
+    }
+    with pytest.raises(rt.OptionError, match="transparent shadows among lamps"):
         textbook.render(scene, spp=1, size=(4, 4))

@@ -1,4 +1,4 @@
-"""Hashes of hits and of images, as JSON: a program that ``test_widths`` runs once for each lane width.
+"""Hashes of hits and of images, and what kernels call, as JSON: ``test_widths`` runs it once for each lane width.
 
 ``python tests/width_hashes.py`` prints them for the width that ``RAYTRACE_LANES`` sets.
 """
@@ -15,12 +15,34 @@ from numpy.typing import NDArray
 import rays
 import raytrace as rt
 from raytrace.accel import lanes
+from raytrace.jit import PLAIN, Kernel
+from raytrace.native.symbols import undefined
 
 SCENES = sorted((Path(__file__).parents[1] / "scenes").glob("*.json"))
 SAMPLERS = ("sobol", "stratified", "independent")
 PRECISIONS = ("float32", "float64")
 
 Batch = tuple[NDArray[np.floating], NDArray[np.floating]]
+LIGHTS = {  # that no shipped scene has
+    "camera": {"position": [0, -4, 3], "look_at": [0, 0, 0.3], "fov": 40},
+    "render": {"integrator": "path", "max_depth": 6},
+    "background": [0.1, 0.2, 0.3],
+    "lights": [
+        {"type": "spot", "position": [1, 0, 2], "look_at": [0, 0, 0], "intensity": [9, 8, 7], "cutoff": 40},
+        {"type": "directional", "direction": [1, 1, -2], "irradiance": [0.5, 0.6, 0.7]},
+        {"type": "point", "position": [-1, 0, 2], "flux": [30, 40, 50]},
+    ],
+    "materials": {
+        "white": {"type": "diffuse", "albedo": [0.6, 0.6, 0.6]},
+        "lamp": {"type": "diffuse", "albedo": [0.2, 0.2, 0.2], "emission": [2, 1, 1]},
+        "glass": {"type": "dielectric", "ior": 1.5, "shadows": "transparent"},
+    },
+    "objects": [
+        {"rectangle": {}, "material": "white", "scale": 2},
+        {"sphere": {"center": [0, 0, 0.6], "radius": 0.5, "tolerance": 0.1}, "material": "glass"},
+        {"box": {}, "material": "lamp", "scale": 0.3, "translate": [-1.2, 0.5, 0.4]},
+    ],
+}
 
 
 def digest(arrays: Iterable[NDArray]) -> str:
@@ -72,7 +94,20 @@ def of_images() -> Iterator[tuple[str, str]]:
             image = rt.render(path, spp=2, size=(36, 28), precision=precision, sampler=sampler, progress=False)
             layers = [image.aov[name] for name in ("depth", "normal")] if len(samplers) > 1 else []
             yield f"{path.stem} {sampler} {precision}", digest([image.rgb, image.stderr, *layers])
+    for precision in PRECISIONS:
+        image = rt.render(LIGHTS, spp=2, size=(36, 28), precision=precision, progress=False)
+        yield f"lights {precision}", digest([image.rgb, image.stderr])
+
+
+def of_calls() -> Iterator[tuple[str, list[str]]]:
+    """Names that the machine code of each kernel so far leaves to others: those of functions that it calls."""
+    modules = [module for name, module in sorted(sys.modules.items()) if name.startswith("raytrace.")]
+    kernels = {id(value): value for module in modules for value in vars(module).values() if isinstance(value, Kernel)}
+    for kernel in kernels.values():
+        codes = [kernel.stored(kinds) for kinds in kernel.code]
+        yield kernel.function.__name__, sorted({name for code in codes for name in undefined(code.data)})
 
 
 if __name__ == "__main__":
-    json.dump({"bits": lanes.BITS, "rays": dict(of_rays()), "images": dict(of_images())}, sys.stdout, indent=1)
+    found = {"bits": lanes.BITS, "rays": dict(of_rays()), "images": dict(of_images())}
+    json.dump(found | {"calls": {} if PLAIN else dict(of_calls())}, sys.stdout, indent=1)

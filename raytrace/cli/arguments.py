@@ -9,7 +9,7 @@ from typing import NoReturn
 
 from raytrace.cli import streams
 from raytrace.errors import printable, shortened
-from raytrace.limits import LAYERS
+from raytrace.limits import LAYERS, LIGHT_LAYERS
 
 LONGEST = 1000  # most characters of a message about an argument
 
@@ -110,7 +110,7 @@ def one_of(*known: str) -> Callable[[str], str]:
 
 def layers(text: str) -> tuple[str, ...]:
     """Parse names of layers, separated by commas."""
-    return tuple(map(one_of(*LAYERS), text.split(",")))
+    return tuple(map(one_of(*LAYERS, *LIGHT_LAYERS), text.split(",")))
 
 
 def memory(text: str) -> int:
@@ -184,8 +184,7 @@ def _image_options(parser: ArgumentParser) -> None:
     add("--size", type=size, metavar="WxH", help="image size in pixels (default: the scene's)")
     window = whole_numbers("X,Y,W,H", ",", (0, 0, 1, 1))
     add("--crop", type=window, metavar="X,Y,W,H", help="render only W x H pixels, from column X and row Y")
-    text = "direct: light straight from the lights; path: all the light (default: the scene's)"
-    add("--integrator", choices=("direct", "path"), help=text)
+    _integrator_option(parser)
     add("--seed", type=whole_number(0, 2**32 - 1), metavar="N", help="random seed (default: the scene's)")
     add("--precision", type=one_of("auto", "float32", "float64"), metavar="P", help="auto, float32 or float64")
     samplers = one_of("sobol", "stratified", "independent")
@@ -199,11 +198,34 @@ def _image_options(parser: ArgumentParser) -> None:
     add("--target-error", type=real_number(1e-6, 0.999), metavar="E", help=text)
     text = "resume from <output>.checkpoint if it exists; otherwise create it"
     add("--resume", action="store_true", help=text)
-    add("--aov", type=layers, default=(), metavar="A,B", help=f"layers to save in an .exr or .npz: {', '.join(LAYERS)}")
+    text = (
+        f"layers to save in an .exr or .npz: {', '.join(LAYERS)}; with integrator path also {', '.join(LIGHT_LAYERS)}"
+    )
+    add("--aov", type=layers, default=(), metavar="A,B", help=text)
     text = "of a .png: multiply radiance by 2^STOPS"
     add("--exposure", type=real_number(-100, 100), default=0.0, metavar="STOPS", help=text)
     add("--quiet", action="store_true", help="no progress and no messages, only errors")
     add("--json", action="store_true", help="print one JSON object: path, seconds, statistics")
+
+
+def explain_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``explain``."""
+    scene_options(parser)
+    _integrator_option(parser)
+
+
+def _integrator_option(parser: ArgumentParser) -> None:
+    text = "direct: light straight from the lights; path: all the light (default: the scene's)"
+    parser.add_argument("--integrator", choices=("direct", "path"), help=text)
+
+
+def warmup_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``warmup``."""
+    text = "scene files (JSON): compile only what these need (default: what all scenes without path tracing need)"
+    parser.add_argument("scenes", type=Path, nargs="*", metavar="scene", help=text)
+    text = "path: compile the kernels of path tracing too"
+    parser.add_argument("--integrator", choices=("direct", "path"), default="direct", help=text)
+    _load_options(parser)
 
 
 def compare_options(parser: ArgumentParser) -> None:

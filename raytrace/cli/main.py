@@ -84,7 +84,8 @@ def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _lo
 
 
 def _explain(args: Namespace) -> int:
-    streams.out(str(raytrace.explain(_load(args))))
+    chosen = {"integrator": args.integrator} if args.integrator else {}
+    streams.out(str(raytrace.explain(_load(args), **chosen)))
     return DONE
 
 
@@ -159,12 +160,13 @@ def _schema(_args: Namespace) -> int:
     return DONE
 
 
-def _warmup(_args: Namespace) -> int:
+def _warmup(args: Namespace) -> int:
     from raytrace.rendering.warmup import warmup
 
     began = time.perf_counter()
+    scenes = [raytrace.load(path, args.root, args.max_memory) for path in args.scenes]
     with Reporter(streams.say, bar=at_terminal()) as reporter:
-        warmup(reporter)
+        warmup(reporter, integrator=args.integrator, scenes=scenes)
     streams.out(f"kernels ready after {time.perf_counter() - began:.1f} s")
     return DONE
 
@@ -192,13 +194,13 @@ COMMANDS = {
     "render": Command("render a scene; this word may be omitted", _render, arguments.render_options),
     "demo": Command("render a small scene that comes with the package", _demo, arguments.demo_options),
     "explain": Command(
-        "show which features a scene needs, which are left out, and why", _explain, arguments.scene_options
+        "show which features a scene needs, which are left out, and why", _explain, arguments.explain_options
     ),
     "check": Command("check a scene and its meshes without rendering", _check, arguments.scene_options),
     "compare": Command("measure the error of an image against a reference", _compare, arguments.compare_options),
     "report": Command("measure speed and error, or test hard rays; write a page", _report, arguments.report_options),
     "schema": Command("print the JSON Schema of scene files", _schema),
-    "warmup": Command("compile kernels now instead of at the first render", _warmup),
+    "warmup": Command("compile kernels now instead of at the first render", _warmup, arguments.warmup_options),
     "doctor": Command("show versions, processor, cache and optional packages", _doctor),
 }
 

@@ -2,7 +2,7 @@
 
 - ``.png``: 8-bit sRGB without layers; provenance in text chunks ``raytrace:<key>``.
 - ``.exr``: float32 channels as in `CHANNELS`, ZIP; provenance in attributes ``raytrace:<key>``.
-- ``.npz``: arrays ``rgb`` and one for each layer, under its name; ``provenance`` is one JSON text.
+- ``.npz``: arrays ``rgb`` and one for each layer, under its name in `CHANNELS`; ``provenance`` is one JSON text.
 
 A provenance value in a PNG or EXR is JSON, so texts and numbers keep their types. The integers ``prim_id`` and
 ``samples`` are UINT in an EXR, with the same bits: a miss, -1, is 4294967295 there. The same content always gives the
@@ -35,12 +35,16 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 CHANNELS: dict[str, tuple[str, ...]] = {  # channels of an EXR, as <layer>.<channel>
     "rgb": ("R", "G", "B"),
     "stderr": ("stderr.Y",),
+    "var": ("variance.R", "variance.G", "variance.B"),
     "depth": ("depth.Z",),
     "normal": ("normal.X", "normal.Y", "normal.Z"),
     "albedo": ("albedo.R", "albedo.G", "albedo.B"),
     "prim_id": ("prim_id.id",),
     "position": ("position.X", "position.Y", "position.Z"),
     "samples": ("samples.n",),
+    "emission": ("emission.R", "emission.G", "emission.B"),
+    "direct": ("direct.R", "direct.G", "direct.B"),
+    "indirect": ("indirect.R", "indirect.G", "indirect.B"),
 }
 WHOLE = ("prim_id", "samples")  # int32; the others are float32
 Contents = tuple[dict[str, NDArray[Any]], dict[str, Any]]  # arrays by name, provenance
@@ -53,6 +57,7 @@ class LoadedImage(NamedTuple):
     stderr: NDArray[np.float32] | None  # (h, w) f4, standard error of the pixel's luminance; None: not in the file
     aov: dict[str, NDArray[Any]]  # by name: (h, w) or (h, w, 3), f4 or i4
     provenance: dict[str, Any]  # how the image was made: version, seed, spp, ...
+    var: NDArray[np.float32] | None = None  # (h, w, 3) f4, variance of each channel's mean; None: not in the file
 
 
 def srgb_encode(linear: ArrayLike) -> NDArray[np.float64]:
@@ -107,6 +112,7 @@ def save(
     rgb: ArrayLike,
     *,
     stderr: ArrayLike | None = None,
+    var: ArrayLike | None = None,
     aov: Mapping[str, ArrayLike] = NOTHING,
     provenance: Mapping[str, Any] = NOTHING,
     exposure: float = 0.0,
@@ -121,8 +127,10 @@ def save(
         Linear radiance, row 0 at the top; float32 in the file.
     stderr : (h, w) array of float, optional
         Standard error of the pixel's luminance.
+    var : (h, w, 3) array of float, optional
+        Variance of each channel's mean.
     aov : mapping of str to array
-        ``depth prim_id samples`` (h, w), ``normal albedo position`` (h, w, 3).
+        ``depth prim_id samples`` (h, w), ``normal albedo position emission direct indirect`` (h, w, 3).
     provenance : mapping of str to str, int or float
         How the image was made.
     exposure : float
@@ -136,7 +144,8 @@ def save(
         An array of the wrong shape, an unknown AOV, an exposure out of range.
     """
     path = check_path(path)
-    arrays = checked({"rgb": rgb, **({} if stderr is None else {"stderr": stderr}), **aov})
+    errors = {name: array for name, array in (("stderr", stderr), ("var", var)) if array is not None}
+    arrays = checked({"rgb": rgb, **errors, **aov})
     if path.suffix.lower() == ".png":
         write_whole(path, png_bytes(rgb, provenance, exposure))
     else:
@@ -181,7 +190,8 @@ def load(path: str | os.PathLike[str]) -> LoadedImage:
     except Exception as error:  # libraries raise various exceptions for broken files
         reason = shortened(printable(str(error).partition("\n")[0] or type(error).__name__), MAX_REASON)
         raise FileError(f"{name}: not a valid {suffix[1:].upper()} image: {reason}") from error
-    return LoadedImage(arrays.pop("rgb"), arrays.pop("stderr", None), arrays, provenance)
+    rgb, stderr, var = arrays.pop("rgb"), arrays.pop("stderr", None), arrays.pop("var", None)
+    return LoadedImage(rgb, stderr, arrays, provenance, var)
 
 
 def checked(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:

@@ -10,6 +10,7 @@ one pixel avoid each other, so V falls as n^-order with an order above 1, and co
 which follows from V(n / 2) = 2^order V(n) and exchangeable blocks. docs/error.md derives and measures them.
 """
 
+from collections.abc import Collection
 from functools import cache
 from typing import NamedTuple
 
@@ -43,14 +44,22 @@ def estimate(film: Film, first: int, last: int, model: Model, shown: NDArray[np.
     shown : (3 (last - first),) array
         Output: their means as displayed, all red, all green, all blue.
     """
-    weights = _weights(int(film.samples[first]), model)
+    weights = contrast_weights(int(film.samples[first]), model)
     errors(film.sums.reshape(-1), first, weights, shown, film.variance, film.error)
     if not weights[1:].any():
         film.variance[first:last] = film.error[first:last] = np.nan
 
 
+def weights_of(counts: Collection[int], model: Model) -> NDArray[np.float64]:
+    """Return a table of ``contrast_weights``: row n for each n of some numbers of samples, zeros for all others."""
+    table = np.zeros((max(counts) + 1, 7))
+    for n in counts:
+        table[n] = contrast_weights(n, model)
+    return table
+
+
 @cache
-def _weights(samples: int, model: Model) -> NDArray[np.float64]:
+def contrast_weights(samples: int, model: Model) -> NDArray[np.float64]:
     """Number of samples, and the factors of both sums of each contrast: the variance is the sum of squared contrasts.
 
     Two bins of na and nb samples estimate the variance of one sample as na nb / (na + nb) (mean a - mean b)^2.
@@ -80,7 +89,7 @@ def errors(sums, first: int, weights, shown, variance, error):
     first : int
         The first pixel.
     weights : (7,) array
-        Result of ``_weights``.
+        Result of ``contrast_weights``.
     shown : (3n,) array
         Output: the means of n pixels, as displayed.
     variance, error : (m,) arrays

@@ -14,6 +14,7 @@ from raytrace.accel.lanes import PACKET
 from raytrace.jit import inlined, kernel
 
 BINS = 4
+SPLIT = 9  # sums of the light layers: three channels of emission, direct and indirect light
 MAX_RADIANCE = float(np.finfo(np.float32).max)  # of an image
 LUMINANCE = 0.2126, 0.7152, 0.0722  # of linear Rec. 709 primaries   [ITU-R BT.709-6, 3.2]
 
@@ -21,7 +22,7 @@ LUMINANCE = 0.2126, 0.7152, 0.0722  # of linear Rec. 709 primaries   [ITU-R BT.7
 class Film(NamedTuple):
     """Samples and error estimates of the pixels of a window, padded to whole packets."""
 
-    sums: NDArray[np.float64]  # (12, m): red, green, blue of each bin, bin after bin
+    sums: NDArray[np.float64]  # (12, m): red, green, blue, bin after bin; or (21, m), with light layers
     samples: NDArray[np.int32]  # (m,)
     variance: NDArray[np.float64]  # (m,): of the mean luminance; NaN: unknown
     error: NDArray[np.float64]  # (m,): squared, of sRGB clipped to 0..1, averaged over channels; NaN: unknown
@@ -31,27 +32,36 @@ class Frame(NamedTuple):
     """Means and error estimates of the pixels of a window, row by row."""
 
     rgb: NDArray[np.float32]  # (m, 3): mean radiance, at most the largest float32; 0 without a sample
+    var: NDArray[np.float32]  # (m, 3): variance of each of these means, at most the largest float32; NaN: unknown
     samples: NDArray[np.int32]  # (m,)
     variance: NDArray[np.float64]  # (m,): as of a film
     error: NDArray[np.float64]  # (m,): as of a film
+    light: NDArray[np.float32]  # (m, 9): means of the light layers; (0, 9): they are not kept
 
 
-def make_frame(pixels: int) -> Frame:
-    """Allocate a frame of so many pixels."""
-    return Frame(np.empty((pixels, 3), np.float32), np.empty(pixels, np.int32), *np.empty((2, pixels)))
+def make_frame(pixels: int, light: bool = False) -> Frame:
+    """Allocate a frame of so many pixels, with light layers or without."""
+    (rgb, var), layers = np.empty((2, pixels, 3), np.float32), np.empty((pixels * light, SPLIT), np.float32)
+    return Frame(rgb, var, np.empty(pixels, np.int32), *np.empty((2, pixels)), layers)
 
 
-def blank_frame(pixels: int) -> Frame:
+def blank_frame(pixels: int, light: bool = False) -> Frame:
     """Make a frame of so many pixels without samples."""
-    frame = make_frame(pixels)
-    frame.rgb[:], frame.samples[:], frame.variance[:], frame.error[:] = 0, 0, np.nan, np.nan
+    frame = make_frame(pixels, light)
+    frame.rgb[:], frame.samples[:], frame.light[:] = 0, 0, 0
+    frame.var[:], frame.variance[:], frame.error[:] = np.nan, np.nan, np.nan
     return frame
 
 
-def make_film(pixels: int) -> Film:
+def sums_of(light: bool) -> int:
+    """Return the number of sums per pixel, with light layers or without."""
+    return 3 * BINS + SPLIT * light
+
+
+def make_film(pixels: int, light: bool = False) -> Film:
     """Make a film of so many pixels, padded to whole packets, without samples."""
     m = -(-pixels // PACKET) * PACKET
-    return Film(np.zeros((3 * BINS, m)), np.zeros(m, np.int32), np.full(m, np.nan), np.full(m, np.nan))
+    return Film(np.zeros((sums_of(light), m)), np.zeros(m, np.int32), np.full(m, np.nan), np.full(m, np.nan))
 
 
 def taken(film: Film, pixels: NDArray[np.int64]) -> Film:
@@ -115,7 +125,7 @@ def accumulate(radiance, first: int, last: int, sums, begin: int, m: int):
 
 
 @kernel
-def develop(film: Film, at, first: int, most: int, frame: Frame):
+def develop(film: Film, at, first: int, most: int, weights, frame: Frame):
     """Write the means and error estimates of pixels of a film to their places in a frame.
 
     Parameters
@@ -127,16 +137,24 @@ def develop(film: Film, at, first: int, most: int, frame: Frame):
         Number of the first of them in the film.
     most : int
         Pixels with more samples than this are skipped.
+    weights : (s, 7) float64 array
+        Row n: the factors of both sums of each contrast in pixels of n samples, as ``errors`` has them (estimate.py).
     frame : Frame
     """
     sums, samples, variance, error = film
-    rgb, numbers, variances, errors = frame
+    rgb, spread, numbers, variances, errors, _ = frame
     for k in range(len(at)):
         i, j = first + k, at[k]
         if samples[i] > most:
             continue
+        w = weights[samples[i]]
+        known = w[1] + w[3] + w[5] > 0.0
         for c in range(3):
             total = (sums[c, i] + sums[3 + c, i]) + (sums[6 + c, i] + sums[9 + c, i])
             mean = total / max(samples[i], 1)
             rgb[j, c] = np.float32(MAX_RADIANCE if mean > MAX_RADIANCE else mean)
+            half = (sums[c, i] + sums[3 + c, i]) * w[1] - (sums[6 + c, i] + sums[9 + c, i]) * w[2]
+            quarter, other = sums[c, i] * w[3] - sums[3 + c, i] * w[4], sums[6 + c, i] * w[5] - sums[9 + c, i] * w[6]
+            square = half * half + quarter * quarter + other * other
+            spread[j, c] = np.float32((MAX_RADIANCE if square > MAX_RADIANCE else square) if known else np.nan)
         numbers[j], variances[j], errors[j] = samples[i], variance[i], error[i]

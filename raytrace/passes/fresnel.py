@@ -5,6 +5,19 @@ from raytrace.jit import inlined
 
 
 @inlined
+def transmitted_cosine(cos_i, eta):
+    """Cosine of the refracted ray; eta = n_t / n_i; 0 where reflection is total.
+
+    cos_t^2 is 1 - sin_t^2, or ((eta - 1) (eta + 1) + cos_i^2) / eta^2: the second where sin_t^2 and eta^2 are above
+    1/2, so that nothing is lost at grazing incidence on an interface of nearly equal indices [docs/numerics.md].
+    """
+    eta2 = eta * eta
+    sin2 = (1.0 - cos_i) * (1.0 + cos_i) / eta2
+    grazing = ((eta - 1.0) * (eta + 1.0) + cos_i * cos_i) / eta2
+    return sqrt(maximum(select((sin2 < 0.5) | (eta2 < 0.5), 1.0 - sin2, grazing), 0.0))
+
+
+@inlined
 def dielectric_reflectance(cos_i, cos_t, eta):
     """Share of the light that an interface of two dielectrics reflects; eta = n_t / n_i.
 

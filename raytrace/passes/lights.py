@@ -5,7 +5,9 @@ Each kind of light is a pass of its own; a scene compiles those of the lights th
 
 import numpy as np
 
+from raytrace.accel.hit_points import gamma
 from raytrace.accel.lanes import (
+    absolute,
     bits,
     gather,
     load,
@@ -22,6 +24,7 @@ from raytrace.accel.lanes import (
 )  # fmt: skip
 from raytrace.accel.vectors import choose3, dot, scaled
 from raytrace.jit import inlined, kernel
+from raytrace.passes.light import SPAN
 from raytrace.passes.paths import LIGHT, LIGHT_U, random_bits, uniform2
 from raytrace.passes.sampling import unit_interval
 from raytrace.passes.surface import load3, point_on, row_of, spawn, store3
@@ -117,6 +120,17 @@ def minus(a, b):
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
+@inlined
+def end_offset(nl, d, offset, eps):
+    """How far before a lamp a shadow ray of length |d| ends, so that it never finds that lamp's triangle at t < 1.
+
+    It measures its distance from the plane with an error of gamma(24) (|d_k| + D_k) along each axis, D the extent of
+    the triangle, beside the error of the point itself [docs/numerics.md]; gamma(24) D is at most 2 ``offset``.
+    """
+    across = absolute(nl[0]) * absolute(d[0]) + absolute(nl[1]) * absolute(d[1]) + absolute(nl[2]) * absolute(d[2])
+    return 3.0 * offset + SPAN * (gamma(eps) * across)
+
+
 @kernel
 def sample_triangles(sampler, paths, n, depth, table, shading, vertices, incident):
     """Points on emitting triangles, uniform by area; both ends of the shadow ray lie off their surfaces."""
@@ -128,7 +142,7 @@ def sample_triangles(sampler, paths, n, depth, table, shading, vertices, inciden
         u, v = triangle(*uniform2(sampler, paths, i, depth, LIGHT_U))
         q, nl, offset = point_on(shading.triangles, select(wanted, gather(table.prim_id, row), np.int32(0)), u, v, eps)
         o = starts(vertices, i)
-        d = minus(spawn(q, nl, offset), o)
+        d = minus(spawn(q, nl, end_offset(nl, minus(q, o), offset, eps)), o)
         r2 = dot(d, d)
         wi = scaled(d, 1.0 / sqrt(r2))
         cosine = -dot(wi, nl)

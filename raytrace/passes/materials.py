@@ -18,7 +18,7 @@ from raytrace.accel.lanes import (
 )  # fmt: skip
 from raytrace.accel.vectors import choose3, dot, scaled, unit
 from raytrace.jit import inlined, kernel
-from raytrace.passes.fresnel import conductor_reflectance, dielectric_reflectance
+from raytrace.passes.fresnel import conductor_reflectance, dielectric_reflectance, transmitted_cosine
 from raytrace.passes.paths import (
     AS_SHADOW,
     DEAD,
@@ -182,9 +182,8 @@ def pass_dielectrics(paths, n, depth, surfaces, vertices):
         through, total = interface_direction(before, ng, ns, eta)
         back = mirror_direction(before, ng, ns)
         cos_i = half_cosine(before, back)
-        sin2 = (1.0 - cos_i) * (1.0 + cos_i) / (eta * eta)
-        cos_t = sqrt(select(sin2 < 1.0, 1.0 - sin2, splat(0.0, like)))
-        share = select(total, splat(1.0, like), dielectric_reflectance(cos_i, cos_t, eta))
+        share = dielectric_reflectance(cos_i, transmitted_cosine(cos_i, eta), eta)
+        share = select(total, splat(1.0, like), share)
         reflected = total | (uniform(paths, i, depth, LOBE) < share)
         d = choose3(reflected & ~total, back, through)
         p, offset = load3(vertices.p, i, size, like), load(vertices.offset, i, like)

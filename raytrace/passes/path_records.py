@@ -69,3 +69,11 @@ class Surfaces(NamedTuple):
     scatters: NDArray[np.int32]  # (k,) i4: 0 or 1; 0: perfectly specular
     alpha: NDArray[np.floating]  # (k,) f: GGX width
     escape: NDArray[np.floating]  # (k,) f: share of diffuse light from inside that leaves a coat; 1 without a coat
+
+
+class Order(NamedTuple):
+    """Scratch memory for sorting paths."""
+
+    keys: NDArray[np.int32]  # (n,) i4: of octant, dominant axis and cell
+    numbers: NDArray[np.int32]  # (n,) i4: paths in the order of their keys
+    counts: NDArray[np.int32]  # (k,) i4: paths of each key

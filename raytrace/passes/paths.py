@@ -4,14 +4,10 @@ import numpy as np
 
 from raytrace.accel.lanes import (
     bits,
-    compress,
-    count,
     gather,
     lane_numbers,
     load,
     machine_epsilon,
-    maximum,
-    minimum,
     packet,
     packet_width,
     select,
@@ -216,48 +212,3 @@ def meet_surfaces(paths, n, shading, normals, vertices):
         store(vertices.offset, i, offset)
         store(vertices.front, i, front)
         store(vertices.material_id, i, select(found, gather(shading.material_id, prim), np.int32(-1)))
-
-
-@kernel
-def add_light(paths, n, incident, radiance):
-    """Add the light that nothing stopped."""
-    like, size = packet(paths.pdf), len(paths.pdf)
-    for i in range(0, n, packet_width(paths.pdf)):
-        arrives = (load(incident.tmax, i, like) > 0.0) & ~load(incident.occluded, i, like)
-        add(radiance, size, load(paths.rays.slot, i, like), load3(incident.radiance, i, size, like), arrives)
-
-
-@kernel
-def go_on(paths, n, depth, out):
-    """Send on the paths that are alive, side by side in ``out``; how many they are.
-
-    From the surface number ``ROULETTE_FROM`` on, a path survives with a probability of its largest throughput, without
-    the factors of radiance in dense media, and is divided by it: the expectation is the same [Arvo1990].
-    """
-    like, size = packet(paths.pdf), len(paths.pdf)
-    sent = 0
-    for i in range(0, n, packet_width(paths.pdf)):
-        state = load(paths.state, i, like)
-        alive = ((state & np.int32(DEAD)) == np.int32(0)) & (lane_numbers(like) < np.int32(n - i))
-        throughput = load3(paths.throughput, i, size, like)
-        scale = load(paths.scale, i, like)
-        if depth >= ROULETTE_FROM:
-            largest = maximum(maximum(throughput[0], throughput[1]), throughput[2]) / scale
-            chance = minimum(maximum(largest, splat(SURVIVE, like)), splat(1.0, like))
-            alive = alive & (uniform(paths, i, depth, ROULETTE) < chance)
-            throughput = scaled(throughput, 1.0 / chance)
-        if bits(alive) == 0:
-            continue
-        o, d = load3(paths.rays.o, i, size, like), load3(paths.rays.d, i, size, like)
-        for k in range(3):
-            compress(out.rays.o, k * size + sent, alive, o[k])
-            compress(out.rays.d, k * size + sent, alive, d[k])
-            compress(out.throughput, k * size + sent, alive, throughput[k])
-        compress(out.scale, sent, alive, scale)
-        compress(out.pdf, sent, alive, load(paths.pdf, i, like))
-        compress(out.key, sent, alive, load_keys(paths.key, paths, i))
-        compress(out.sample, sent, alive, load_keys(paths.sample, paths, i))
-        compress(out.state, sent, alive, state)
-        compress(out.rays.slot, sent, alive, load(paths.rays.slot, i, like))
-        sent += count(alive)
-    return sent

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.errors import FileError
-from raytrace.passes.film import BINS
+from raytrace.passes.film import sums_of
 from raytrace.rendering import checkpoint_header
 from raytrace.rendering.job import Job, Tiling, identity
 from raytrace.rendering.journal import Journal
@@ -118,11 +118,11 @@ class Checkpoint:
         return number in self._journal.places
 
     def find(self, number: int) -> NDArray[np.float64] | None:
-        """Return the sums of a finished work item, (12, n); None if they are not here."""
-        content = self._journal.read(number)
-        if not content or len(content) % (8 * 3 * BINS):
+        """Return the sums of a finished work item, (12, n) or (21, n); None if they are not here."""
+        content, rows = self._journal.read(number), sums_of(self._job.light)
+        if not content or len(content) % (8 * rows):
             return None
-        return np.frombuffer(content, "<f8").reshape(3 * BINS, -1)
+        return np.frombuffer(content, "<f8").reshape(rows, -1)
 
     def add(self, number: int, sums: NDArray[np.float64], seconds: float) -> None:
         """Keep a finished work item that took so many seconds; it is written later. Any thread may call this."""

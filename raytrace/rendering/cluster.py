@@ -113,7 +113,7 @@ class Cluster:
         if getattr(client, "asynchronous", False):
             raise OptionError("client: expected a synchronous client, got an asynchronous one")
         self._client, self._scene = client, job.scene
-        self._order = Order(job.scene.sha256, job.settings, job.precision)
+        self._order = Order(job.scene.sha256, job.settings, job.precision, job.light)
         self._name, self._tasks = f"raytrace-{os.urandom(8).hex()}", count()
         self._threads, self._counted, self._checked = 0, -np.inf, -np.inf
         self._refused: set[str] = set()

@@ -30,12 +30,13 @@ class Order(NamedTuple):
     scene: str  # its hash
     settings: Settings
     precision: str
+    light: bool  # whether to keep the light layers
 
 
 class Rendered(NamedTuple):
     """The result of a work item."""
 
-    sums: NDArray[np.float64]  # (12, n) of the pixels
+    sums: NDArray[np.float64]  # (12, n) of the pixels, or (21, n) with light layers
     rays: Counter[str]  # traced for this item, by kind
     seconds: dict[str, float]  # spent on it, by pass
 
@@ -68,7 +69,7 @@ def draw(caller: str, *work: Any) -> Rendered | Refusal:
 def _draw(scene: bytes, order: Order, x: Any, y: Any, samples: tuple[int, int], sums: Any) -> Rendered:
     threads = _threads_of(scene, order)
     rays, seconds = threads.mine()
-    tile = blank(np.array(x), np.array(y))  # copies: arrays from the network may be unaligned or read-only
+    tile = blank(np.array(x), np.array(y), order.light)  # copies: arrays from the network may be unaligned or read-only
     if sums is not None:
         tile.sums[:] = sums
     for piece in pieces(len(tile.x), BATCH // (samples[1] - samples[0])):  # as large as in a local render
@@ -93,9 +94,9 @@ def _make(content: bytes, order: Order) -> RenderThreads:
     alike = [threads for other, threads in _threads.items() if other.scene == order.scene]
     scene = alike[0].scene if alike else loads(content)
     plan = make_plan(scene)
-    traits = traits_of(scene, plan, order.precision, order.settings)
+    traits = traits_of(scene, plan, order.precision, order.settings, light=order.light)
     with on_compile(partial(_compile, traits)):
-        threads = RenderThreads(scene, plan, order.precision, order.settings)
+        threads = RenderThreads(scene, plan, order.precision, order.settings, order.light)
         threads.load_kernels()
     return threads
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.accel.lanes import PACKET
-from raytrace.passes.estimate import Model, estimate
+from raytrace.passes.estimate import Model, estimate, weights_of
 from raytrace.passes.film import Film, Frame, blank_frame, develop, make_film, make_frame, put, taken
 from raytrace.records import Window
 
@@ -38,13 +38,13 @@ class FilmTile(NamedTuple):
 
     @property
     def sums(self) -> NDArray[np.float64]:
-        """Sums of the pixels (12, n), a view of the film."""
+        """Sums of the pixels (12, n), or (21, n) with light layers, a view of the film."""
         return self.film.sums[:, self.begin : self.begin + len(self.x)]
 
 
-def blank(x: NDArray[np.uint32], y: NDArray[np.uint32]) -> FilmTile:
-    """Return a tile without samples, in memory of its own, for whole packets of pixels."""
-    return FilmTile(x, y, make_film(len(x)), 0)
+def blank(x: NDArray[np.uint32], y: NDArray[np.uint32], light: bool) -> FilmTile:
+    """Return a tile without samples, in memory of its own, for whole packets of pixels, with light layers or not."""
+    return FilmTile(x, y, make_film(len(x), light), 0)
 
 
 class FilmTiles:
@@ -55,6 +55,8 @@ class FilmTiles:
     window : Window
     model : Model
         Error model of the sampler.
+    light : bool
+        Whether to keep the light layers.
 
     Attributes
     ----------
@@ -63,10 +65,11 @@ class FilmTiles:
         Position of each pixel of the film in the window, row by row.
     """
 
-    def __init__(self, window: Window, model: Model) -> None:
+    def __init__(self, window: Window, model: Model, light: bool = False) -> None:
         self.at = curve(window)
-        self.film = make_film(len(self.at))
-        self._model = model
+        self.film = make_film(len(self.at), light)
+        self._model, self._counts = model, {0}  # numbers of samples that pixels have had
+        self._light = light
         self._last: Frame | None = None  # the image of the last complete round, of pixels that are in the next
         y, x = np.divmod(np.pad(self.at, (0, len(self.film.samples) - len(self.at)), "edge"), window.width)
         self._x, self._y = (x + window.x).astype(np.uint32), (y + window.y).astype(np.uint32)
@@ -77,14 +80,14 @@ class FilmTiles:
 
     def keep_rounds(self) -> None:
         """From now on, keep the value of each pixel before another round adds samples to it."""
-        self._last = blank_frame(len(self.at))
+        self._last = blank_frame(len(self.at), self._light)
 
     def get(self, item: WorkItem) -> FilmTile:
         """Return the tile of a work item: a view of the film, or a copy where the pixels are not contiguous packets."""
         pixels = item.pixels
         if isinstance(pixels, slice):
             if self._last and item.first:
-                develop(self.film, self.at[pixels], pixels.start, item.first, self._last)
+                self._develop(self.at[pixels], pixels.start, item.first, {item.first}, self._last)
             return FilmTile(self._x[pixels], self._y[pixels], self.film, pixels.start)
         padded = np.append(pixels, np.repeat(pixels[-1:], -len(pixels) % PACKET))
         return FilmTile(self._x[padded], self._y[padded], taken(self.film, padded), 0)
@@ -92,6 +95,7 @@ class FilmTiles:
     def merge(self, item: WorkItem, tile: FilmTile, samples: int) -> NDArray[np.float64]:
         """Merge a tile whose pixels now have so many samples; return their means as shown (3, n)."""
         n = len(tile.x)
+        self._counts.add(samples)
         tile.film.samples[tile.begin : tile.begin + n] = samples
         shown = np.empty((3, n))
         estimate(tile.film, tile.begin, tile.begin + n, self._model, shown.reshape(-1))
@@ -101,15 +105,23 @@ class FilmTiles:
 
     def fill(self, item: WorkItem, tile: FilmTile, sums: NDArray[np.float64]) -> None:
         """Copy sums into a tile. The sample counts change first, so that Ctrl-C never leaves new sums uncounted."""
+        self._counts.add(item.last)
         tile.film.samples[tile.begin : tile.begin + len(tile.x)] = item.last
         tile.sums[:] = sums
 
     def develop(self, most: int = ALL) -> Frame:
         """Return the image; pixels with more than ``most`` samples have their value of the last complete round."""
-        pixels = len(self.at)
-        frame = self._last or (make_frame if most == ALL else blank_frame)(pixels)
-        develop(self.film, self.at, 0, most, frame)
+        frame = self._last or (make_frame if most == ALL else blank_frame)(len(self.at), self._light)
+        self._develop(self.at, 0, most, self._counts, frame)
         return frame
+
+    def _develop(self, at: NDArray[np.int64], first: int, most: int, counts: set[int], frame: Frame) -> None:
+        """Write pixels of the film, from ``first`` on, that have one of these numbers of samples, to their places."""
+        develop(self.film, at, first, most, weights_of(counts, self._model), frame)
+        if self._light:
+            from raytrace.passes.light_layers import develop_layers
+
+            develop_layers(self.film.sums, self.film.samples, at, first, most, frame.light)
 
 
 def curve(window: Window) -> NDArray[np.int64]:

@@ -20,6 +20,7 @@ class Job(NamedTuple):
     precision: str  # "float32" or "float64"
     target: float | None  # target error, RMSE in sRGB; None: all pixels have the same number of samples
     first_spp: int  # samples of every pixel before adaptive sampling starts; without a target error: all
+    light: bool = False  # whether to keep emission, direct and indirect light
 
 
 class Tiling(NamedTuple):
@@ -46,6 +47,7 @@ def identity(job: Job) -> dict[str, Any]:
         "seed": settings.seed,
         "precision": job.precision,
         "target_error": job.target,
+        "light_layers": job.light,
     }
 
 

@@ -52,7 +52,14 @@ class Traits(NamedTuple):
 
 
 def traits_of(
-    scene: Scene, plan: Plan, precision: str, settings: Settings, *, layers: bool = False, adaptive: bool = False
+    scene: Scene,
+    plan: Plan,
+    precision: str,
+    settings: Settings,
+    *,
+    layers: bool = False,
+    adaptive: bool = False,
+    light: bool = False,
 ) -> Traits:
     """Return the traits of a render of a scene."""
     large = len(scene.mesh.faces) > SMALL_MESH
@@ -60,7 +67,7 @@ def traits_of(
     if needs_paths(scene, settings.integrator):
         from raytrace.rendering.path_kernels import path_needs_of
 
-        path = path_needs_of(scene, settings.integrator)
+        path = path_needs_of(scene, settings.integrator, light)
     kinds = plan.smooth, plan.refraction, plan.lights > 0
     return Traits(precision, settings.sampler, *kinds, large, layers, adaptive, path)
 
@@ -77,9 +84,15 @@ def needs(traits: Traits) -> list[Call]:
         from raytrace.rendering.path_scene import make_path_scene
         from raytrace.rendering.path_wavefront import PathWavefront
 
+        kind: type[PathWavefront] = PathWavefront
+        if traits.path.light:
+            from raytrace.rendering.layered_wavefront import LayeredWavefront
+
+            kind = LayeredWavefront
+
         scene = small_scene(traits.path, scene)
         bvh = BVH(scene.mesh.vertices, scene.mesh.faces, traits.precision)
-        front = PathWavefront(make_path_scene(scene, bvh, traits.path.integrator), view, sampler, PACKET)
+        front = kind(make_path_scene(scene, bvh, traits.path.integrator), view, sampler, PACKET)
     calls = list(tracing(front))
     if traits.large:
         calls += _building(np.dtype(traits.precision), compiled.bvh.triangle)
@@ -154,7 +167,7 @@ def tracing(front: "Wavefront | PathWavefront") -> Iterator[Call]:
     film = make_film(PACKET)
     yield accumulate, (front.radiance, 0, 0, film.sums, 0, PACKET)
     yield errors, (film.sums.reshape(-1), 0, np.zeros(7), np.zeros(3 * PACKET), film.variance, film.error)
-    yield develop, (film, np.zeros(0, np.int64), 0, 0, make_frame(0))
+    yield develop, (film, np.zeros(0, np.int64), 0, 0, np.zeros((1, 7)), make_frame(0))
 
 
 def _tracing(front: Wavefront) -> Iterator[Call]:

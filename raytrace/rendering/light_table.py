@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.accel.bvh import BVH
+from raytrace.accel.hit_points import gamma
 from raytrace.passes.film import LUMINANCE
-from raytrace.passes.light import triangles_at
+from raytrace.passes.light import SPAN, triangles_at
 from raytrace.passes.lights import (
     AXIS,
     BEAM,
@@ -41,13 +42,18 @@ def make_light_table(scene: Scene, bvh: BVH) -> LightTable | None:
     """All lights that send out any light; None where there are none.
 
     A light's probability is its share of the power of all: pi A L for a lamp, Phi for a point light, the integral of
-    its intensity for a spot, and pi R^2 E for light from infinitely far away, R the radius of the scene.
+    its intensity for a spot, and pi R^2 E for light from infinitely far away, R the radius of the scene. The table
+    holds the probability with which a kernel draws it, which differs a little: random numbers have a last bit.
     """
+    dtype = bvh.triangles.dtype
     rows = [each for each in _rows(scene, bvh) if each.power.sum() > 0]
     if not rows:
         return None
     power = np.concatenate([each.power for each in rows])
-    shares = power / power.sum()
+    kept = power > 0
+    keep, other = alias_table(power[kept] / power.sum())
+    shares = np.zeros(len(power))
+    shares[kept] = drawn(keep.astype(dtype), other)
     numbers = np.zeros((len(power), COLUMNS))
     begin = 0
     for each in rows:
@@ -58,11 +64,8 @@ def make_light_table(scene: Scene, bvh: BVH) -> LightTable | None:
         if each.kind in (TRIANGLE, ENVIRONMENT):
             part[:, DENSITY] *= shares[begin : begin + len(part)]
         begin += len(part)
-    kept = power > 0
     kinds = np.repeat([each.kind for each in rows], [len(each.power) for each in rows])
     prims = np.concatenate([each.prim_id for each in rows])
-    dtype = bvh.triangles.dtype
-    keep, other = alias_table(shares[kept])
     return LightTable(
         shares[kept].astype(dtype),
         keep.astype(dtype),
@@ -92,6 +95,22 @@ def alias_table(shares: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArr
             small.append(large.pop())
     keep[[*small, *large]] = 1  # what rounding left
     return keep, other
+
+
+def drawn(keep: NDArray[np.floating], other: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Probability of each row as kernels draw it: by 32 random bits for the row, and 24 for whether it is kept.
+
+    Row k has the 32 bits h with h n / 2^32 in [k, k + 1). It is kept by those multiples of 2^-24 that are below keep.
+
+    Examples
+    --------
+    >>> drawn(np.array([1.0, 1e-9]), np.array([0, 0]))[1] * 2**25
+    np.float64(1.0)
+    """
+    n = len(keep)
+    of_rows = np.diff(-(-(np.arange(n + 1, dtype=np.int64) << 32) // n)) / 2.0**32
+    kept = np.ceil(keep.astype(np.float64) * 2.0**24) / 2.0**24
+    return of_rows * kept + np.bincount(other, of_rows * (1 - kept), minlength=n)
 
 
 def _rows(scene: Scene, bvh: BVH) -> list[Rows]:
@@ -152,17 +171,21 @@ def spot_angle(cutoff: NDArray[np.float64], beam: NDArray[np.float64]) -> NDArra
 
 
 def _radius(scene: Scene) -> float:
-    """Half the diagonal of the scene's bounding box, world units."""
-    return float(np.linalg.norm(np.ptp(scene.mesh.vertices, axis=0))) / 2
+    """Half the diagonal of the scene's bounding box, world units; 1 for a single point, which the sky lights too."""
+    return float(np.linalg.norm(np.ptp(scene.mesh.vertices, axis=0))) / 2 or 1.0
 
 
 def _nudges(bvh: BVH, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far lights that lie on a surface are moved off it: its normal times the bound on a point's error."""
+    """How far lights that lie on a surface are moved off it: twice the distance at which ``triangles_at`` finds it.
+
+    The light may lie that far behind the surface, and must then lie as far in front of it [docs/numerics.md].
+    """
     nudges = np.zeros((len(positions), 3))
+    roundings = 2 * gamma(np.finfo(bvh.triangles.dtype).eps)
     for row, position in enumerate(positions.astype(bvh.triangles.dtype)):
         for prim in triangles_at(bvh.tree, bvh.triangles, position)[:1]:
-            corners, normal = bvh.triangles[prim, :9].reshape(3, 3), bvh.triangles[prim, 9:]
-            u = np.finfo(bvh.triangles.dtype).eps / 2
-            reach = np.abs(position) + 4 * np.ptp(np.concatenate([corners, position[None]]), axis=0)
-            nudges[row] = normal * (2 * 3 * u * (np.abs(normal) * reach).sum())
+            normal = bvh.triangles[prim, 9:].astype(np.float64)
+            extent = np.ptp(np.append(bvh.triangles[:, :9].ravel(), position).reshape(-1, 3), axis=0)
+            largest = np.abs(bvh.triangles[prim, :9].reshape(3, 3)).max(axis=0)
+            nudges[row] = normal * (roundings * np.abs(normal) @ (largest + np.abs(position) + SPAN * extent))
     return nudges

@@ -8,8 +8,10 @@ import numpy as np
 
 from raytrace.accel import query
 from raytrace.accel.lanes import PACKET
-from raytrace.passes import lights, materials, paths
+from raytrace.passes import compaction, lights, materials, paths
 from raytrace.passes.camera import camera_rays
+from raytrace.passes.film import make_film, make_frame
+from raytrace.passes.light_layers import accumulate_layers, develop_layers, mark_first, split
 from raytrace.records import (
     CONDUCTOR,
     DIELECTRIC,
@@ -22,7 +24,9 @@ from raytrace.records import (
     Scene,
     Spots,
 )
+from raytrace.rendering.layered_wavefront import LayeredWavefront
 from raytrace.rendering.path_wavefront import PathWavefront
+from raytrace.scene.path_plan import NAMES
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]  # a kernel and its arguments
 
@@ -39,9 +43,10 @@ class PathNeeds(NamedTuple):
     lamps: bool
     background: bool
     transparent: bool  # shadow rays pass a surface
+    light: bool = False  # emission, direct and indirect light are kept
 
 
-def path_needs_of(scene: Scene, integrator: str) -> PathNeeds:
+def path_needs_of(scene: Scene, integrator: str, light: bool = False) -> PathNeeds:
     """What of a scene decides which kernels path tracing needs."""
     used = np.flatnonzero(np.bincount(scene.mesh.material_id))
     emission = scene.materials.emission
@@ -55,7 +60,15 @@ def path_needs_of(scene: Scene, integrator: str) -> PathNeeds:
         emission is not None and bool((emission[used] > 0).any()),
         bool(scene.background.any()),
         bool(scene.materials.transparent_shadow[used].any()),
+        light,
     )
+
+
+def every_need() -> tuple[PathNeeds, ...]:
+    """Scenes that together need every kernel of path tracing: all kinds of lights and materials; and no light."""
+    kinds = tuple(sorted(NAMES))
+    dark = PathNeeds("path", kinds, False, False, False, False, False, background=True, transparent=False)
+    return PathNeeds("path", kinds, True, True, True, True, True, background=False, transparent=True), dark
 
 
 def small_scene(needs: PathNeeds, scene: Scene) -> Scene:
@@ -106,9 +119,20 @@ def path_tracing(front: PathWavefront, rays: Rays) -> Iterator[Call]:
     yield paths.meet_surfaces, (here, 0, scene.shading, scene.normals, vertices)
     if front.samples_lights:
         yield from _light_calls(front)
-        yield paths.add_light, (here, 0, incident, front.radiance)
+        yield compaction.pack_shadow_rays, (incident, 0, front.grid, front.order, front.others)
+        yield compaction.add_light, (here, 0, incident, front.order, front.radiance)
     yield from _material_calls(front)
-    yield paths.go_on, (here, 0, 1, front.others)
+    yield compaction.go_on, (here, 0, 1, front.grid, front.order, front.others)
+    if isinstance(front, LayeredWavefront):
+        yield from _layer_calls(front)
+
+
+def _layer_calls(front: LayeredWavefront) -> Iterator[Call]:
+    film, here = make_film(PACKET, light=True), front.paths
+    yield mark_first, (here, 0)
+    yield split, (here, 0, 1, front.light, front.radiance, front.layers)
+    yield accumulate_layers, (front.layers, 0, 0, film.sums, 0, PACKET)
+    yield develop_layers, (film.sums, film.samples, np.zeros(0, np.int64), 0, 0, make_frame(0).light)
 
 
 def _light_calls(front: PathWavefront) -> Iterator[Call]:

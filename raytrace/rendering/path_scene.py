@@ -44,8 +44,9 @@ def make_path_scene(scene: Scene, bvh: BVH, integrator: str) -> PathScene:
     stops = ~scene.materials.transparent_shadow[mesh.material_id]
     shadow, passed = bvh, None
     if not stops.all():
-        shadow = BVH(mesh.vertices, mesh.faces[stops], bvh.precision)
-        passed = BVH(mesh.vertices, mesh.faces[~stops], bvh.precision)
+        kind = bvh.precision, bvh.split, bvh.triangle
+        shadow = BVH(mesh.vertices, mesh.faces[stops], *kind)
+        passed = BVH(mesh.vertices, mesh.faces[~stops], *kind)
     environment = None
     if scene.lights.environment is not None and table is not None:
         density = table.share[table.kind == lights.ENVIRONMENT].sum() / (4 * np.pi)

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from raytrace.accel import query
 from raytrace.accel.bvh import BVH
 from raytrace.accel.lanes import PACKET
-from raytrace.passes import lights, materials, paths
+from raytrace.passes import compaction, lights, materials, paths
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.columns import BATCH_COLUMNS, ColumnMemory, shortened_record
 from raytrace.passes.film import accumulate
-from raytrace.passes.path_records import Incident, Paths, Vertices
+from raytrace.passes.path_records import Incident, Order, Paths, Vertices
 from raytrace.records import CONDUCTOR, DIELECTRIC, MIRROR, REFRACTIVE, Columns, Rays, View
 from raytrace.rendering.path_scene import PathScene
 from raytrace.rendering.scattering import scattering_passes
@@ -42,7 +42,7 @@ class PathWavefront:
         self.work = scene.bvh.work()
         trees = (scene.shadow_bvh, scene.passed_bvh)
         self.shadow_work = {id(bvh): bvh.work() for bvh in trees if bvh is not None}
-        memory = ColumnMemory(2 * PATH_COLUMNS + VERTEX_COLUMNS + INCIDENT_COLUMNS + 3, n, dtype)
+        memory = ColumnMemory(2 * PATH_COLUMNS + VERTEX_COLUMNS + INCIDENT_COLUMNS + 5, n, dtype)
         ng = memory.take(3)
         ns = memory.take(3) if scene.normals is not None else ng
         vertices = Vertices(
@@ -51,6 +51,10 @@ class PathWavefront:
         incident = _incident(memory) if scene.lights is not None else None
         self._records = [_paths(memory), _paths(memory), vertices, *([] if incident is None else [incident])]
         self._radiance = memory.take(3)
+        self.grid = compaction.make_cells(scene.bvh.tree)
+        numbers = memory.take(dtype=np.int32), memory.take(dtype=np.int32)
+        self.order = Order(*numbers, compaction.make_counts())
+        self.order.numbers[:] = 0
         self.scattering = scattering_passes(scene.kinds) if scene.integrator != "emission" else []
         self.samples_lights = bool(self.scattering) and scene.lights is not None
         self.finds_light = scene.lamps or scene.environment is not None  # whether a ray can meet a light
@@ -92,8 +96,8 @@ class PathWavefront:
                 self._lap("light")
             self._scatter(here, n, depth)
             if self.samples_lights:
-                self._add_light(here, n)
-            n = paths.go_on(here, n, depth, there)
+                self._add_light(here, n, there)
+            n = compaction.go_on(here, n, depth, self.grid, self.order, there)
             self._lap("roulette")
             if n == 0:
                 return
@@ -134,7 +138,7 @@ class PathWavefront:
         if lights.ENVIRONMENT in kinds:
             lights.sample_environment(self.sampler, paths_, n, depth, table, vertices, incident)
         if scene.passed_bvh is not None:
-            self._query(scene.passed_bvh, n)
+            self._query(scene.passed_bvh, incident.o, incident.d, incident.tmax, n)
             lights.claim_light(n, incident)
 
     def _scatter(self, here: Paths, n: int, depth: int) -> None:
@@ -157,18 +161,20 @@ class PathWavefront:
             materials.pass_interfaces(here, n, surfaces, vertices)
             self._lap("refractive")
 
-    def _add_light(self, here: Paths, n: int) -> None:
-        self._query(self.scene.shadow_bvh, n)
+    def _add_light(self, here: Paths, n: int, spare: Paths) -> None:
+        """Add the light that nothing stops; the shadow rays are packed in the memory of a spare record of paths."""
+        n = compaction.pack_shadow_rays(self.incident, n, self.grid, self.order, spare)
+        self._lap("light")
+        self._query(self.scene.shadow_bvh, spare.rays.o, spare.rays.d, spare.pdf, n)
         self._lap("shadow")
-        paths.add_light(here, n, self.incident, self.radiance)
+        compaction.add_light(here, n, self.incident, self.order, self.radiance)
         self._lap("light")
 
-    def _query(self, bvh: BVH, n: int) -> None:
+    def _query(self, bvh: BVH, o: NDArray[Any], d: NDArray[Any], tmax: NDArray[Any], n: int) -> None:
         """Whether shadow rays meet anything in a tree."""
-        incident = self.incident
-        tmax = Columns(incident.tmax, 0, 1, 0)
-        rays = Rays(self._columns(incident.o), self._columns(incident.d), Columns(self.zero, 0, 0, 0), tmax)
-        query.any_hit(bvh.tree, rays, incident.occluded, n, self.shadow_work[id(bvh)])
+        limits = Columns(self.zero, 0, 0, 0), Columns(tmax, 0, 1, 0)
+        rays = Rays(self._columns(o), self._columns(d), *limits)
+        query.any_hit(bvh.tree, rays, self.incident.occluded, n, self.shadow_work[id(bvh)])
         self.rays["shadow"] += n
 
     def _lap(self, name: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from raytrace import parallel
 from raytrace.errors import OptionError
-from raytrace.limits import LAYERS, MAX_PIXELS, MAX_SEED, MAX_SIDE, MAX_SPP
+from raytrace.limits import LAYERS, LIGHT_LAYERS, MAX_PIXELS, MAX_SEED, MAX_SIDE, MAX_SPP
 from raytrace.memory import RenderSize, check_render
 from raytrace.passes.film import BINS
 from raytrace.records import Scene, Settings, Window
@@ -66,7 +66,8 @@ def render(
         Called with a ``Progress`` from time to time. Default: a notebook cell shows the image while it is rendered;
         elsewhere nothing is shown. False: nothing is shown.
     aov : sequence of str
-        Layers to compute now, and to keep in files; ``Render.aov`` computes any of them later.
+        Layers to compute now, and to keep in files; ``Render.aov`` computes any of them later. "emission", "direct"
+        and "indirect", parts of path-traced light, must be asked for here.
     crop : (x, y, width, height), pixels, optional
         Render only this part of the film. It is bit-identical to that part of the whole image.
     time_limit : float, seconds, optional
@@ -121,7 +122,8 @@ def render(
 
         warn_coincident(scene, precision, stacklevel=2)
     first_spp = settings.spp if target is None else min(adaptive.FIRST, settings.spp)
-    job, listener = Job(scene, plan, settings, window, precision, target, first_spp), listener_of(progress)
+    light = light_of(layers, settings.integrator)
+    job, listener = Job(scene, plan, settings, window, precision, target, first_spp, light), listener_of(progress)
     check_render(
         _memory_of(job, layers, count),
         trees_of(scene, plan, precision, needs_paths(scene, settings.integrator)),
@@ -143,7 +145,8 @@ def _memory_of(job: Job, layers: Sequence[str], threads: int) -> RenderSize:
     """Return what the memory of a render depends on."""
     pixels, spp = job.window.width * job.window.height, job.settings.spp
     batch = min(threads, -(-pixels * spp // BATCH)) * BATCH
-    return RenderSize(pixels, bool(set(layers) - {"samples"}), job.target is not None, min(spp, BINS), batch)
+    traced = bool(set(layers) - {"samples", *LIGHT_LAYERS})
+    return RenderSize(pixels, traced, job.target is not None, min(spp, BINS), batch, job.light)
 
 
 def _cluster_of(client: "Client", job: Job, threads: int | None) -> "Cluster":
@@ -224,9 +227,17 @@ def layers_of(aov: Sequence[str]) -> tuple[str, ...]:
     """Return names of layers, checked; a single one may be a plain string."""
     names = (aov,) if isinstance(aov, str) else tuple(aov)
     for name in names:
-        if name not in LAYERS:
-            raise OptionError(f"aov: {name!r}: expected any of {', '.join(LAYERS)}")
+        if name not in LAYERS + LIGHT_LAYERS:
+            raise OptionError(f"aov: {name!r}: expected any of {', '.join(LAYERS + LIGHT_LAYERS)}")
     return names
+
+
+def light_of(layers: Sequence[str], integrator: str) -> bool:
+    """Return whether any layer is a part of the samples' light; an error if the integrator does not tell them apart."""
+    asked = [name for name in layers if name in LIGHT_LAYERS]
+    if asked and integrator != "path":
+        raise OptionError(f"aov: {asked[0]} needs the integrator path, not {integrator}; add --integrator path")
+    return bool(asked)
 
 
 def seconds_of(time_limit: float | None) -> float:

@@ -10,18 +10,21 @@ from numpy.typing import NDArray
 
 from raytrace.accel.bvh import BVH
 from raytrace.image import files
-from raytrace.limits import LAYERS
+from raytrace.limits import LAYERS, LIGHT_LAYERS
 from raytrace.passes.camera import make_view, pinhole_directions
 from raytrace.records import Hits, Scene, Window
 
 if TYPE_CHECKING:
     from raytrace.rendering.checkpoint import Checkpoint
 
+ASK = 'not kept; ask for it before the render: rt.render(scene, integrator="path", aov=["emission", ...])'
 ROWS = 64  # of pixels: the layers are computed in bands of so many
 
 
 class Layers(Mapping[str, NDArray[Any]]):
     """AOVs by name; all are computed when the first one is needed, along the rays through the pixels' centres.
+
+    Those of the samples' light are there only if they were asked for before the render.
 
     Attributes
     ----------
@@ -29,27 +32,34 @@ class Layers(Mapping[str, NDArray[Any]]):
         The layers used so far; files contain these.
     """
 
-    def __init__(self, samples: NDArray[np.int32], trace: Callable[[], dict[str, NDArray[Any]]]) -> None:
+    def __init__(
+        self, samples: NDArray[np.int32], trace: Callable[[], dict[str, NDArray[Any]]], light: bool = False
+    ) -> None:
+        self._names = LAYERS + LIGHT_LAYERS if light else LAYERS
         self._known: dict[str, NDArray[Any]] = {"samples": samples}
         self._trace = trace
         self.computed: dict[str, NDArray[Any]] = {}
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        if name not in LAYERS:
-            raise KeyError(f"{name!r}: expected one of {', '.join(LAYERS)}")
+        if name not in self._names:
+            raise KeyError(f"{name!r}: {ASK if name in LIGHT_LAYERS else 'expected one of ' + ', '.join(self._names)}")
         if name not in self._known:
             self._known |= self._trace()
         self.computed[name] = self._known[name]
         return self._known[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in LAYERS
+        return name in self._names
 
     def __iter__(self) -> Iterator[str]:
-        return iter(LAYERS)
+        return iter(self._names)
 
     def __len__(self) -> int:
-        return len(LAYERS)
+        return len(self._names)
+
+    def put_light(self, light: NDArray[np.float32]) -> None:
+        """Set the layers of the samples' light, (h, w, 3 layers, 3)."""
+        self._known |= {name: np.ascontiguousarray(light[:, :, k]) for k, name in enumerate(LIGHT_LAYERS)}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,8 +74,12 @@ class Render:
         Estimated standard error of the pixel's luminance, for the sampler that was used. With eight or more samples,
         the true value is within 3.18 standard errors in 95 % of cases (Student's t, 3 degrees of freedom). NaN with
         fewer than two samples.
+    var : (h, w, 3) float32 array
+        Estimated variance of each channel's mean, of linear radiance squared, by the same model as ``stderr``: its root
+        is the channel's standard error. NaN with fewer than two samples.
     aov : Mapping
-        Layers "depth", "normal", "albedo", "prim_id", "position", "samples", computed on first use.
+        Layers "depth", "normal", "albedo", "prim_id", "position", "samples", computed on first use. Also "emission",
+        "direct" and "indirect", if one of them was asked for in the call of ``render``, with the integrator "path".
     stats : dict
         Rays by kind (including those that only fill a tile's last packet), seconds by pass (summed over threads),
         compile seconds, samples, "estimated_error" (RMSE in sRGB clipped to 0..1), "estimated_error_linear" (RMSE of
@@ -91,6 +105,7 @@ class Render:
 
     rgb: NDArray[np.float32]
     stderr: NDArray[np.float32]
+    var: NDArray[np.float32]
     aov: Layers
     stats: dict[str, Any]
     provenance: dict[str, Any]
@@ -124,7 +139,13 @@ class Render:
         """
         layers = self.aov.computed
         written = files.save(
-            path, self.rgb, stderr=self.stderr, aov=layers, provenance=self.provenance, exposure=exposure
+            path,
+            self.rgb,
+            stderr=self.stderr,
+            var=self.var,
+            aov=layers,
+            provenance=self.provenance,
+            exposure=exposure,
         )
         if self.checkpoint and self.complete:
             self.checkpoint.remove()

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 import raytrace
 from raytrace import parallel
 from raytrace.jit import on_compile
+from raytrace.limits import LIGHT_LAYERS
 from raytrace.passes.estimate import MODELS, root_mean
 from raytrace.passes.film import MAX_RADIANCE, Frame
 from raytrace.rendering import adaptive
@@ -51,13 +52,13 @@ class Run:
         self._cluster = cluster
         self._workers: RenderThreads | Cluster | None = cluster
         model = MODELS["independent" if needs_paths(job.scene, job.settings.integrator) else job.settings.sampler]
-        self.film_tiles = FilmTiles(job.window, model)
+        self.film_tiles = FilmTiles(job.window, model, job.light)
         self.sampler = None
         if job.target is not None:
             film, at = self.film_tiles.film, self.film_tiles.at
             self.sampler = adaptive.AdaptiveSampler(film, at, job.window, model, job.target, job.settings.spp)
         self.samples = np.zeros((job.window.height, job.window.width), np.int32)
-        self.layers = Layers(self.samples, partial(_trace_layers, job))
+        self.layers = Layers(self.samples, partial(_trace_layers, job), job.light)
         self.began = self._rendering = time.perf_counter()
         self._numbers = itertools.count()  # of work items, in an order that depends on job and tiling alone
         self._cancelled = threading.Event()
@@ -65,7 +66,7 @@ class Run:
     def run(self, threads: int, time_limit: float, layers: Sequence[str]) -> Render:
         """Render until the image is complete, cancelled or out of time."""
         self._deadline = self.began + time_limit
-        self.with_layers = bool(set(layers) - {"samples"})
+        self.with_layers = bool(set(layers) - {"samples", *LIGHT_LAYERS})
         complete, interrupted = False, False
         with on_compile(self._compile_ahead) as compilation:
             try:
@@ -74,7 +75,8 @@ class Run:
                 self._rendering = time.perf_counter()
                 complete = self._render_all() and (self.sampler is None or self._refine(self.sampler))
                 for name in layers:
-                    self.layers[name]
+                    if name not in LIGHT_LAYERS:
+                        self.layers[name]
             except KeyboardInterrupt:
                 interrupted, whole = True, int(self.film_tiles.film.samples.min()) == self.job.settings.spp
                 complete = whole and not layers  # it came too late
@@ -83,6 +85,9 @@ class Run:
                 if self.checkpoint:
                     self.checkpoint.close(complete)
         image = self._image(complete, interrupted, compilation.seconds)
+        for name in layers:
+            if name in LIGHT_LAYERS:
+                image.aov[name]
         self.listener.end(state_of(image))
         return image
 
@@ -157,7 +162,7 @@ class Run:
         job = self.job
         if not is_compiled(job.scene, job.precision):
             self._send("building", 0, 1)
-        workers = self._workers = RenderThreads(job.scene, job.plan, job.precision, job.settings)
+        workers = self._workers = RenderThreads(job.scene, job.plan, job.precision, job.settings, job.light)
         workers.load_kernels()
         draw, stop = partial(self._draw, workers), self._cancelled.set
         return lambda left, report: parallel.run(draw, left, threads, self._over, report, stop)
@@ -226,7 +231,7 @@ class Run:
 
         self._send("compiling", 0, 1)
         job, also = self.job, {"layers": self.with_layers, "adaptive": self.sampler is not None}
-        traits = traits_of(job.scene, job.plan, job.precision, job.settings, **also)
+        traits = traits_of(job.scene, job.plan, job.precision, job.settings, **also, light=job.light)
         compile_ahead([traits], partial(self._send, "compiling"))
 
     def _developed(self) -> Frame:
@@ -241,6 +246,8 @@ class Run:
         size, settings = self.samples.shape, self.job.settings
         frame = self._developed()
         self.samples[:] = frame.samples.reshape(size)
+        if self.job.light:
+            self.layers.put_light(frame.light.reshape(*size, len(LIGHT_LAYERS), 3))
         seconds = time.perf_counter() - self.began
         error = self.sampler.error if self.sampler else math.nan  # of the last complete round
         error = root_mean(frame.error) if math.isnan(error) else error
@@ -268,8 +275,9 @@ class Run:
             "complete": complete,
             "seconds": round(seconds, 4),
         }
-        rgb, stderr = frame.rgb.reshape(*size, 3), np.minimum(np.sqrt(frame.variance), MAX_RADIANCE).astype(np.float32)
-        return Render(rgb, stderr.reshape(size), self.layers, stats, provenance, complete, interrupted, self.checkpoint)
+        stderr = np.minimum(np.sqrt(frame.variance), MAX_RADIANCE).astype(np.float32).reshape(size)
+        rgb, var, more = frame.rgb.reshape(*size, 3), frame.var.reshape(*size, 3), (complete, interrupted)
+        return Render(rgb, stderr, var, self.layers, stats, provenance, *more, self.checkpoint)
 
 
 def _trace_layers(job: Job) -> dict[str, NDArray[Any]]:

@@ -41,13 +41,16 @@ class RenderThreads:
     precision : str
     settings : Settings
         Film, samples and seed.
+    light : bool
+        Whether to keep the light layers, with path tracing.
     """
 
-    def __init__(self, scene: Scene, plan: Plan, precision: str, settings: Settings) -> None:
+    def __init__(self, scene: Scene, plan: Plan, precision: str, settings: Settings, light: bool = False) -> None:
         self.scene, self.compiled = scene, compiled_of(scene, plan, precision)
         self._view = make_view(scene.camera, settings.size, np.dtype(precision))
         self._sampler = make_sampler(settings.sampler, settings.seed, settings.spp)
         self._paths = paths_of(scene, self.compiled, settings.integrator)
+        self._light = light
         self._local = threading.local()
         self._wavefronts: list[AnyWavefront] = []
         self._idle: list[AnyWavefront] = []  # of threads that have ended
@@ -57,7 +60,7 @@ class RenderThreads:
         compiled = self.compiled
         plan, leaves = compiled.plan, type(compiled.bvh.tree.leaves)
         kind: tuple[Any, ...] = (compiled.bvh.precision, leaves, type(self._sampler), plan.smooth)
-        kind += (plan.refraction, plan.lights > 0) if self._paths is None else self._paths.kernel_key()
+        kind += (plan.refraction, plan.lights > 0) if self._paths is None else (*self._paths.kernel_key(), self._light)
         if kind not in _loaded:
             from raytrace.rendering.kernels import tracing
 
@@ -88,6 +91,10 @@ class RenderThreads:
             return Wavefront(self.compiled, self._view, self._sampler, n)
         from raytrace.rendering.path_wavefront import PathWavefront
 
+        if self._light:
+            from raytrace.rendering.layered_wavefront import LayeredWavefront
+
+            return LayeredWavefront(self._paths, self._view, self._sampler, n)
         return PathWavefront(self._paths, self._view, self._sampler, n)
 
     def _wavefront(self, n: int) -> "AnyWavefront":
@@ -120,7 +127,9 @@ class RenderThreads:
         """Seconds per sample, for so many neighbouring pixels at each spot; the results are dropped."""
         count = len(film_tiles.at)
         spots = np.linspace(0, max(count - pixels, 0), SPOTS).astype(int) // PACKET * PACKET
-        tile = blank(*film_tiles.positions(np.minimum(spots[:, None] + np.arange(pixels), count - 1).ravel()))
+        tile = blank(
+            *film_tiles.positions(np.minimum(spots[:, None] + np.arange(pixels), count - 1).ravel()), self._light
+        )
         began = time.perf_counter()
         self.draw(tile, 0, samples)
         seconds = time.perf_counter() - began

@@ -1,24 +1,36 @@
 """``warmup``: compile all kernels before the first render."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from itertools import product
+from typing import TYPE_CHECKING
 
 from raytrace.errors import FileError, RaytraceError
 from raytrace.jit import PLAIN
-from raytrace.rendering.kernels import Traits, compile_ahead
+from raytrace.records import Scene
+from raytrace.rendering.compiled_scene import plan_of
+from raytrace.rendering.kernels import Traits, compile_ahead, traits_of
 from raytrace.rendering.progress import Progress
+
+if TYPE_CHECKING:
+    from raytrace.rendering.path_kernels import PathNeeds
 
 PRECISIONS, SAMPLERS = ("float32", "float64"), ("sobol", "stratified", "independent")
 
 
-def warmup(progress: Callable[[Progress], None] | None = None) -> None:
-    """Compile the kernels of every kind of render: all precisions, samplers, normals, materials, layers and errors.
+def warmup(
+    progress: Callable[[Progress], None] | None = None, *, integrator: str = "direct", scenes: Iterable[Scene] = ()
+) -> None:
+    """Compile kernels: those of every kind of render, with all precisions, samplers, normals and layers; or of scenes.
 
     Parameters
     ----------
     progress : callable, optional
         Called with a ``Progress`` from time to time.
+    integrator : {"direct", "path"}
+        "path": also the kernels of path tracing, with every kind of light and material. They take twice as long.
+    scenes : iterable of Scene
+        Compile the kernels that these scenes need, with their settings, and no others.
 
     Raises
     ------
@@ -26,6 +38,8 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
         There is no folder to keep them in, or its disk is full.
     RaytraceError
         This release of Numba can't compile them in advance.
+    SceneError
+        No precision can represent a scene.
 
     Examples
     --------
@@ -38,10 +52,7 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
     from raytrace.native.fallback import Unavailable
 
     began = time.perf_counter()
-    renders = [
-        Traits(precision, sampler, smooth, refractive=True, large=True, layers=True, adaptive=True)
-        for precision, sampler, smooth in product(PRECISIONS, SAMPLERS, (False, True))
-    ]
+    renders = [_traits_of(scene, integrator) for scene in scenes] or list(every_kind(integrator))
 
     def report(done: int, total: int) -> None:
         if progress:
@@ -60,3 +71,23 @@ def warmup(progress: Callable[[Progress], None] | None = None) -> None:
     lost = sum(kernel.unkept(kinds) is not None for kernel, kinds in tasks)
     if lost:
         raise FileError(f"{store.cache_folder()}: {lost} of {len(tasks)} kernels could not be written")
+
+
+def every_kind(integrator: str = "direct") -> Iterator[Traits]:
+    """Yield renders that together need every kernel; those of path tracing only with "path"."""
+    kinds: list[PathNeeds | None] = [None]
+    if integrator == "path":
+        from raytrace.rendering.path_kernels import every_need
+
+        kinds += every_need()
+    for path, precision, sampler, smooth in product(kinds, PRECISIONS, SAMPLERS, (False, True)):
+        yield Traits(precision, sampler, smooth, refractive=True, large=True, layers=True, adaptive=True, path=path)
+
+
+def _traits_of(scene: Scene, integrator: str) -> Traits:
+    """Return the traits of a render of a scene, with all that can be asked for; "path" overrides its integrator."""
+    plan, settings = plan_of(scene), scene.settings
+    if integrator == "path":
+        settings = settings._replace(integrator="path")
+    precision = plan.precision.name if settings.precision == "auto" else settings.precision
+    return traits_of(scene, plan, precision, settings, layers=True, adaptive=True)

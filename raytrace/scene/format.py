@@ -27,6 +27,17 @@ JSON_TYPES: dict[str, tuple[type, ...]] = {
     "object": (dict,),
     "null": (type(None),),
 }
+LAMP = '; an area light is an object whose diffuse material has "emission"'
+MEANT = {  # types that people expect, and what they are here
+    "glass": '; real glass is "dielectric"',
+    "metal": '; a metal is "conductor"',
+    "area": LAMP,
+    "emissive": LAMP,
+    "emitter": LAMP,
+    "light": LAMP,
+    "constant": '; light from everywhere is "environment"',
+    "distant": '; parallel light is "directional"',
+}
 EXPECTED = {  # what a message calls each type
     "number": "a number",
     "integer": "a whole number",
@@ -128,9 +139,10 @@ class _Reader:
         elif "type" not in value:
             self._report(path, f'missing key "type": one of {listed(models)}')
         elif not isinstance(value["type"], str) or value["type"] not in models:
-            self._report((*path, "type"), unknown_name("type", value["type"], models))
+            known = unknown_name("type", value["type"], models)
+            self._report((*path, "type"), known + MEANT.get(str(value["type"]), ""))
         else:
-            return self.read(models[value["type"]], value, path)
+            return self._object(self._resolve(models[value["type"]]), value, path, models)
         return None
 
     def _by_json_type(self, schema: Schema, value: Any, path: Path) -> Any:
@@ -153,7 +165,8 @@ class _Reader:
         items = [self.read(schema["items"], item, (*path, i)) for i, item in enumerate(value)]
         return tuple(items) if length else items
 
-    def _object(self, schema: Schema, value: dict[str, Any], path: Path) -> Any:
+    def _object(self, schema: Schema, value: dict[str, Any], path: Path, models: Schema | None = None) -> Any:
+        """Read an object; models: by name, those of which it is one."""
         if "properties" not in schema:
             return {
                 name: self.read(schema["additionalProperties"], item, (*path, name)) for name, item in value.items()
@@ -176,8 +189,15 @@ class _Reader:
             if len(pair) == 2 and all(key in value for key in pair):
                 self._report((*path, pair[1]), f'"{pair[0]}" and "{pair[1]}" exclude each other; keep one', at_key=True)
         for key in unknown:
-            self._report((*path, key), unknown_key(key, known), at_key=True)
+            self._report((*path, key), unknown_key(key, known) + self._elsewhere(key, known, models), at_key=True)
         return SimpleNamespace(**read)
+
+    def _elsewhere(self, key: str, known: Schema, models: Schema | None) -> str:
+        """Say which other models have a key, if no known one is similar."""
+        if not models or nearest(key, known) is not None:
+            return ""
+        able = [quote(name) for name, model in models.items() if key in self._resolve(model)["properties"]]
+        return f"; {', '.join(able)} {'has' if len(able) == 1 else 'have'} it" if able else ""
 
     def _property(self, model: Schema, key: str, value: dict[str, Any], path: Path) -> Any:
         """Read one key of a model, or its default; None for a key that is absent and has no default."""

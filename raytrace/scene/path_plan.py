@@ -68,10 +68,14 @@ def lamp_triangles(scene: Scene) -> int:
 
 def path_passes(scene: Scene) -> tuple[tuple[str, str], ...]:
     """Passes that run, and what they cost in rays per sample."""
+    from raytrace.scene.path_costs import ROULETTE_FROM, meets_light, most_rays
+
     depth, path = scene.settings.max_depth, scene.settings.integrator == "path"
     kinds = set(scene.materials.kind[_used(scene)].tolist())
-    until = f"up to depth {depth}, with Russian roulette from depth 5" if path else f"up to depth {depth}"
-    rows = [("camera", "one ray per sample"), ("closest hit", "one query per ray")]
+    until = f"up to depth {depth}, with Russian roulette from depth {ROULETTE_FROM}"
+    most = most_rays(scene)
+    rows = [("camera", "one ray per sample")]
+    rows.append(("closest hit", f"one query per ray, at most {most.closest:.3g} per sample on average"))
     if lamp_triangles(scene) or scene.lights.environment is not None:
         rows.append(("emission", "light that paths meet, weighted by multiple importance sampling"))
     if scene.background.any() and scene.lights.environment is None:
@@ -79,12 +83,15 @@ def path_passes(scene: Scene) -> tuple[tuple[str, str], ...]:
     rows.append(("surface", "points and normals where paths meet surfaces"))
     if not kinds.isdisjoint(SCATTERING) and _lit(scene):
         rows.append(("light", "one light per surface that scatters, drawn by its power, and a point on it"))
-        rows.append(("shadow", "one ray per surface that scatters, to that point"))
+        text = f"one ray per surface that scatters, at most {most.shadow:.3g} per sample on average"
+        if scene.materials.transparent_shadow[_used(scene)].any():
+            text += ", each through two trees: with and without transparent surfaces"
+        rows.append(("shadow", text))
     for kind in sorted(kinds):
-        goes = (
-            "one ray more" if kind not in SCATTERING or path else "one ray more where it can meet a lamp or environment"
-        )
-        rows.append((NAMES[kind], f"{goes}, {until}"))
+        goes = f"one ray more per hit, at most {most.closest - 1:.3g} per sample on average, {until}"
+        if kind in SCATTERING and not path:
+            goes = "one ray more, which looks for light" if meets_light(scene) else "no ray more: the path ends"
+        rows.append((NAMES[kind], goes))
     rows.append(("roulette", "paths of low throughput end by chance; those that have ended drop out"))
     return (*rows, ("film", "twelve sums per pixel: three channels in four bins"))
 
@@ -105,7 +112,7 @@ def path_left_out(scene: Scene) -> tuple[tuple[str, str], ...]:
         ("sampling of spot lights", "there is none", lights.spots is not None),
         ("sampling of directional lights", "there is none", lights.directions is not None),
         ("sampling of an environment", "there is none", lights.environment is not None),
-        *((f"{name} pass", f"no surface is {name}", kind in kinds) for kind, name in NAMES.items()),
+        *((f"{name} pass", f"no surface is of type {name}", kind in kinds) for kind, name in NAMES.items()),
         ("indirect light", 'the integrator is "direct"', scene.settings.integrator == "path"),
         ("normal interpolation", "all meshes are flat", scene.mesh.normals is not None),
         ("layers (AOVs)", "stored only when asked for", False),

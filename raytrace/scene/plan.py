@@ -1,15 +1,17 @@
 """The plan of a scene: which passes run, on what data, in which precision; and what is left out, and why."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from raytrace.errors import printable
+from raytrace.errors import OptionError, printable
 from raytrace.records import REFRACTIVE, Scene
 from raytrace.scene.path_plan import light_words, needs_paths, path_left_out, path_passes
 from raytrace.scene.precision import Precision, choose_precision
+
+INTEGRATORS = "direct", "path"
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class Plan:
     left_out : tuple of (str, str)
         What does not run or is not stored, and why.
     warnings : tuple of str
-        What is legal but probably not meant, as in ``Scene.warnings``.
+        What is legal but probably not meant, as in ``Scene.warnings``; light that is not physical, or found badly.
     """
 
     about: str
@@ -85,6 +87,11 @@ def make_plan(scene: Scene) -> Plan:
     transparent = bool(scene.materials.transparent_shadow[used].any())
     lights = len(scene.lights.flux)
     paths = needs_paths(scene, scene.settings.integrator)
+    warnings = scene.warnings
+    if paths or transparent:
+        from raytrace.scene.path_costs import light_warnings
+
+        warnings += light_warnings(scene)
     return Plan(
         about=scene.about,
         holds=f"{len(scene.mesh.faces):,} triangles in {_count(len(scene.objects), 'object')}, "
@@ -97,7 +104,7 @@ def make_plan(scene: Scene) -> Plan:
         paths=paths,
         passes=path_passes(scene) if paths else _passes(scene, refraction, smooth, transparent),
         left_out=path_left_out(scene) if paths else _left_out(refraction, smooth, transparent, lights),
-        warnings=scene.warnings,
+        warnings=warnings,
     )
 
 
@@ -133,13 +140,15 @@ def _left_out(refraction: bool, smooth: bool, transparent: bool, lights: int) ->
     return tuple((what, why) for what, why, needed in rows if not needed)
 
 
-def explain(scene: Scene | str | Path | dict[str, Any]) -> Plan:
+def explain(scene: Scene | str | Path | dict[str, Any], integrator: str | None = None) -> Plan:
     """Return what rendering a scene needs, what is left out, and why.
 
     Parameters
     ----------
     scene : Scene, str, Path or dict
         A loaded scene, a scene file, or its content.
+    integrator : {"direct", "path"}, optional
+        As for ``render``; default: what the scene says.
 
     Returns
     -------
@@ -150,6 +159,8 @@ def explain(scene: Scene | str | Path | dict[str, Any]) -> Plan:
     ------
     SceneError, FileError
         As ``load`` does; and SceneError for a scene that no precision can represent.
+    OptionError
+        An unknown integrator.
 
     Examples
     --------
@@ -159,4 +170,9 @@ def explain(scene: Scene | str | Path | dict[str, Any]) -> Plan:
     """
     from raytrace.scene.load import load
 
-    return make_plan(scene if isinstance(scene, Scene) else load(scene))
+    scene = scene if isinstance(scene, Scene) else load(scene)
+    if integrator not in (None, *INTEGRATORS):
+        raise OptionError(f"integrator: expected one of {', '.join(INTEGRATORS)}, got {integrator!r}")
+    if integrator is not None:
+        scene = replace(scene, settings=scene.settings._replace(integrator=integrator))
+    return make_plan(scene)

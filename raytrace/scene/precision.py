@@ -14,7 +14,7 @@ TOLERANCE = 0.01  # of the smallest feature: the largest error of position allow
 FLOAT32_RANGE = 1e-12, 1e12  # world units: areas, and the rounding errors of areas, stay normal numbers
 FLOAT64_RANGE = 1e-75, 1e75  # world units: so do squares of areas, which the choice of precision computes
 FLOAT32_BEND = 1e-5  # alpha x |ior - 1|: the angle by which a rough dielectric spreads light that it transmits
-FLOAT32_LEVELS = 1e-30, 1e30  # fluxes, radiances and indices: results computed from them stay in range
+FLOAT32_LEVELS = 1e-30, 1e30  # light and indices: results computed from them stay in range
 
 Axes = NDArray[np.float64]  # (3, m): all x, all y, all z
 
@@ -73,12 +73,14 @@ def choose_precision(scene: Scene) -> Precision:
 def _choose(scene: Scene, largest: float, feature: float) -> tuple[str, str]:
     """Return the name of the precision that suffices, and why."""
     low, high = FLOAT32_RANGE
-    if feature < low or max(largest, _largest(scene.lights.position)) > high:
+    if feature < low or max(largest, *map(_largest, _light_positions(scene))) > high:
         return "float64", f"sizes leave {low:g} .. {high:g}"
     low, high = FLOAT32_LEVELS
-    levels = np.concatenate([scene.lights.flux.ravel(), scene.background, scene.materials.ior])
-    if levels[levels > 0].min(initial=1.0) < low or levels.max(initial=1.0) > high:
-        return "float64", f"fluxes, background or indices leave {low:g} .. {high:g}"
+    for names, tables in _levels(scene).items():
+        levels = np.concatenate([table.ravel() for table in tables])
+        levels = levels[(levels > 0) & np.isfinite(levels)]  # a conductor that reflects everything absorbs at inf
+        if levels.min(initial=1.0) < low or levels.max(initial=1.0) > high:
+            return "float64", f"{names} leave {low:g} .. {high:g}"
     if _least_bend(scene) < FLOAT32_BEND:
         return "float64", f"a rough dielectric spreads light by less than {FLOAT32_BEND:g}"
     error = gamma("float32") * largest
@@ -96,6 +98,27 @@ def _least_bend(scene: Scene) -> float:
         return math.inf
     bend = materials.alpha * np.abs(materials.ior - 1)
     return float(bend[materials.kind == ROUGH_DIELECTRIC].min(initial=np.inf))
+
+
+def _light_positions(scene: Scene) -> list[NDArray[np.float64]]:
+    """Positions of point and spot lights, (l, 3) each."""
+    lights = scene.lights
+    return [lights.position] if lights.spots is None else [lights.position, lights.spots.position]
+
+
+def _levels(scene: Scene) -> dict[str, list[NDArray[np.float64]]]:
+    """What float32 must hold beside sizes, by its name in messages."""
+    lights, materials = scene.lights, scene.materials
+    levels = {"fluxes, background or indices": [lights.flux, scene.background, materials.ior]}
+    more = {
+        "emissions": materials.emission,
+        "intensities": None if lights.spots is None else lights.spots.intensity,
+        "irradiances": None if lights.directions is None else lights.directions.irradiance,
+        "radiances of the environment": lights.environment,
+        "values of eta": materials.eta,
+        "values of k": materials.k,
+    }
+    return levels | {name: [table] for name, table in more.items() if table is not None}
 
 
 def _largest(*places: NDArray[np.float64]) -> float:
@@ -127,7 +150,9 @@ def _check_sizes(scene: Scene) -> None:
     where, mesh = scene.source or "scene", scene.mesh
     low, high = FLOAT64_RANGE
     camera = _largest(scene.camera.position)
-    places = {"camera": camera} | {f"lights[{k}]": _largest(p) for k, p in enumerate(scene.lights.position)}
+    places = {"camera": camera}
+    for row, position in enumerate(np.concatenate(_light_positions(scene))):
+        places[f"lights[{scene.lights.number(row)}]"] = _largest(position)
     problems = [
         f"{where}: {name}: coordinates reach {far:.3g}; expected at most {high:g}"
         for name, far in places.items()

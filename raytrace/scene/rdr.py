@@ -1,8 +1,9 @@
 """Translates scenes of the course dialect to the scene format.
 
-A scene of the dialect has an ``integrator``, ``textures``, or objects with ``material_name``. Whatever the scene format
-cannot express is reported by its name. The normals of the meshes (``vn``) are not used: in the shipped scenes they
-agree with the winding of the triangles, half of the meshes have none, and flat shading is right for both.
+A scene of the dialect has an ``integrator``, ``textures``, or objects with ``material_name`` or ``light``. What the
+scene format cannot express is reported by its name. The normals of the meshes (``vn``) are not used: in the shipped
+scenes they agree with the winding of the triangles, half of the meshes have none, and flat shading is right for both.
+Spheres have their exact normals.
 """
 
 import contextlib
@@ -24,7 +25,7 @@ def is_dialect(data: Json) -> bool:
     """
     objects = data.get("objects")
     entries = objects if isinstance(objects, list) else []
-    named = any(isinstance(entry, dict) and "material_name" in entry for entry in entries)
+    named = any(isinstance(entry, dict) and {"material_name", "light"} & entry.keys() for entry in entries)
     return "integrator" in data or "textures" in data or named
 
 
@@ -32,7 +33,7 @@ class _EnoughError(Exception):
     """There are more problems than are reported."""
 
 
-class _Translation:
+class Translation:
     """A translation in progress: the translated scene, the origin of each of its parts, and the problems."""
 
     def __init__(self, data: Json) -> None:
@@ -42,6 +43,7 @@ class _Translation:
         self.problems: list[Problem] = []
 
     def report(self, path: Path, text: str, at_key: bool = False) -> None:
+        """Add a problem, at a path of the dialect."""
         self.problems.append(Problem(path, text, at_key))
         if len(self.problems) > MAX_PROBLEMS:
             raise _EnoughError
@@ -88,13 +90,13 @@ def translate(data: Json) -> tuple[Json, dict[Path, Path], list[Problem]]:
     problems : list of Problem
         What the format cannot express, and missing keys, at paths of the dialect.
     """
-    t = _Translation(data)
+    t = Translation(data)
     with contextlib.suppress(_EnoughError):
         _sections(t, data)
     return t.scene, t.origins, t.problems
 
 
-def _sections(t: _Translation, data: Json) -> None:
+def _sections(t: Translation, data: Json) -> None:
     t.section((), data, ("integrator", "camera", "materials", "objects"), ("about", "film", "textures"))
     t.scene = {"about": data["about"]} if "about" in data else {}
     if "integrator" in data:
@@ -110,21 +112,30 @@ def _sections(t: _Translation, data: Json) -> None:
     t.scene["objects"] = _objects(t, data.get("objects", []))
 
 
-def _integrator(t: _Translation, integrator: Any) -> None:
+INTEGRATORS = {"intersection_test": "direct", "path": "path"}  # of the dialect -> of the format
+
+
+def _integrator(t: Translation, integrator: Any) -> None:
+    from raytrace.scene.rdr_lights import has_lamps, point_lights
+
     here = ("integrator",)
     kind = integrator.get("type") if isinstance(integrator, dict) else None
-    if kind is not None and kind != "intersection_test":
-        t.report((*here, "type"), f"integrator {quote(kind)} is not supported (supported: intersection_test)")
+    if kind is not None and (not isinstance(kind, str) or kind not in INTEGRATORS):
+        text = f"integrator {quote(kind)} is not supported (supported: {listed(INTEGRATORS)})"
+        t.report((*here, "type"), text)
         return
-    light = ("point_light_position", "point_light_flux")
-    t.section(here, integrator, ("type", *light), ("max_depth", "spp"))
+    point = ("point_light_position", "point_light_flux")
+    given = not isinstance(integrator, dict) or any(key in integrator for key in point)
+    needed = given or not (kind == "path" or has_lamps(t.data) or "point_lights" in integrator)
+    optional = ("max_depth", "spp", "point_lights", *(("profile",) if kind == "path" else ()))
+    t.section(here, integrator, ("type", *(point if needed else ())), optional)
     t.scene["render"] = t.copy(here, ("render",), {"max_depth": "max_depth", "spp": "spp"})
-    t.origins["lights", 0] = here
-    moved = t.copy(here, ("lights", 0), {"point_light_position": "position", "point_light_flux": "flux"})
-    t.scene["lights"] = [{"type": "point", **moved}]
+    if kind == "path":
+        t.scene["render"]["integrator"] = "path"
+    t.scene["lights"] = point_lights(t, integrator) if isinstance(integrator, dict) else []
 
 
-def _materials(t: _Translation, materials: Any, textures: Any) -> Json:
+def _materials(t: Translation, materials: Any, textures: Any) -> Json:
     if not isinstance(materials, dict):
         t.report(("materials",), f"expected an object, got {quote(materials)}")
         return {}
@@ -140,7 +151,7 @@ def _materials(t: _Translation, materials: Any, textures: Any) -> Json:
     return {name: _material(t, name, entry, textures) for name, entry in materials.items()}
 
 
-def _material(t: _Translation, name: str, entry: Any, textures: Json) -> Json:
+def _material(t: Translation, name: str, entry: Any, textures: Json) -> Json:
     here = ("materials", name)
     kind = entry.get("type") if isinstance(entry, dict) else None
     stand_in = {"type": "diffuse", "albedo": [0, 0, 0]}  # so that one problem is not reported twice
@@ -161,16 +172,29 @@ def _material(t: _Translation, name: str, entry: Any, textures: Json) -> Json:
         t.report((*here, "eta"), f"expected a number > 0, got {quote(eta)}")
     elif kind is None:
         t.section(here, entry, ("type",), tuple(entry) if isinstance(entry, dict) else ())
+    elif kind == "glass":
+        return _glass(t, here, entry)
     else:
-        text = f"material {quote(kind)} is not supported (supported: diffuse, refraction)"
+        text = f"material {quote(kind)} is not supported (supported: diffuse, glass, refraction)"
         t.report((*here, "type"), text)
     return stand_in
+
+
+def _glass(t: Translation, here: Path, entry: Json) -> Json:
+    """A smooth dielectric; ``eta`` is its index, ``R`` and ``T`` are factors of what it reflects and transmits."""
+    t.section(here, entry, ("type", "eta"), ("R", "T"))
+    for key in ("R", "T"):
+        if entry.get(key, 1) not in (1, [1, 1, 1]):
+            t.report((*here, key), f"{key} other than 1 is not supported, got {quote(entry[key])}")
+    return {"type": "dielectric", **t.copy(here, here, {"eta": "ior"})}
 
 
 SHAPES = {"mesh": ("path",), "sphere": ("center", "radius")}  # type of an object -> keys that it must have
 
 
-def _objects(t: _Translation, objects: Any) -> Any:
+def _objects(t: Translation, objects: Any) -> Any:
+    from raytrace.scene.rdr_lights import drop_copied, make_lamp
+
     if not isinstance(objects, list):
         return objects
     keys = {"path": "mesh", "material_name": "material", "translate": "translate", "scale": "scale"}
@@ -181,11 +205,17 @@ def _objects(t: _Translation, objects: Any) -> Any:
         if kind is not None and (not isinstance(kind, str) or kind not in SHAPES):
             t.report((*here, "type"), f"object {quote(kind)} is not supported (supported: {listed(SHAPES)})")
         else:
-            t.section(here, entry, ("type", *SHAPES[kind or "mesh"], "material_name"), ("translate", "scale"))
+            lamp = isinstance(entry, dict) and "light" in entry
+            required = ("type", *SHAPES[kind or "mesh"], *(() if lamp else ("material_name",)))
+            t.section(here, entry, required, ("material_name", "light", "translate", "scale"))
         moved = t.copy(here, here, keys)
+        if isinstance(entry, dict) and "light" in entry:
+            moved["material"] = make_lamp(t, i, entry)
         if kind == "sphere":
             moved.pop("mesh", None)
             t.origins[*here, "sphere"] = here
             moved["sphere"] = t.copy(here, (*here, "sphere"), {"center": "center", "radius": "radius"})
+            moved["normals"] = "smooth"
         translated.append(moved)
+    drop_copied(t, translated)
     return translated

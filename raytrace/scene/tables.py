@@ -34,6 +34,8 @@ KINDS = {
 }
 ROUGH = {"dielectric": ROUGH_DIELECTRIC, "conductor": ROUGH_CONDUCTOR}
 
+LIGHTS = "point", "spot", "directional", "environment"
+
 
 def materials_of(scene: Any) -> Materials:
     """Table of the materials of a valid scene."""
@@ -88,10 +90,7 @@ def _index(material: Any) -> tuple[Sequence[float], Sequence[float]]:
 
 def lights_of(scene: Any) -> Lights:
     """Tables of the lights of a valid scene, kind by kind."""
-    of = {
-        kind: [light for light in scene.lights if light.type == kind]
-        for kind in ("point", "spot", "directional", "environment")
-    }
+    of = {kind: [light for light in scene.lights if light.type == kind] for kind in LIGHTS}
     spots, directions = of["spot"], of["directional"]
     axes = np.array([np.subtract(light.look_at, light.position) for light in spots]).reshape(-1, 3)
     ways = np.array([light.direction for light in directions]).reshape(-1, 3)
@@ -111,7 +110,14 @@ def lights_of(scene: Any) -> Lights:
         else None,
         directions=Directions(_unit(ways), _rows(light.irradiance for light in directions)) if directions else None,
         environment=np.array(of["environment"][0].radiance) if of["environment"] else None,
+        numbers=_numbers([light.type for light in scene.lights]),
     )
+
+
+def _numbers(kinds: list[str]) -> tuple[int, ...]:
+    """Numbers of the lights of a scene, kind by kind; () where that is their order."""
+    numbers = sorted(range(len(kinds)), key=lambda k: LIGHTS.index(kinds[k]))
+    return () if numbers == list(range(len(kinds))) else tuple(numbers)
 
 
 def _rows(vectors: Iterable[Sequence[float]]) -> NDArray[np.float64]:

@@ -91,7 +91,7 @@ class Text:
         for problem, path in zip(problems, paths, strict=True):
             offset = where.key(path) if problem.at_key else where.value(path)
             placed.append((offset, self._line(where, offset, path, problem.text)))
-        return [line for _, line in sorted(placed, key=lambda pair: pair[0])]
+        return list(dict.fromkeys(line for _, line in sorted(placed, key=lambda pair: pair[0])))
 
     def warn(self, warnings: list[Problem], origins: positions.Origins) -> tuple[str, ...]:
         """Return lines for the first `MAX_PROBLEMS` warnings, and one for the others."""

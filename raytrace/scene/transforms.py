@@ -18,6 +18,10 @@ MAX_COORDINATE = 1e75  # world units; squared areas, of the fourth power, stay b
 QUARTER_TURNS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))  # cosine and sine, where libm's are off by 6e-17
 
 
+ROUNDINGS, UNIT = 4, 2.0**-53  # of a transformed coordinate, relative to the largest number in its sum
+TOLERANCE = 0.01  # of the size of an object: the largest rounding error of its transform
+
+
 class Affine(NamedTuple):
     """A map of points: the linear part is applied to column vectors, then the offset is added."""
 
@@ -125,17 +129,31 @@ def place(raw: RawMesh, entry: Any, material_id: int) -> PlacedMesh:
     if raw.normals_fault and entry.normals == "smooth":
         raise SceneError([f'{raw.normals_fault}; correct the normals, or use "normals": "flat"'])
     raw = quiet_unused(raw)
-    mesh = quiet_unused(transform(raw, *object_transform(entry)))
+    affine = object_transform(entry)
+    mesh = quiet_unused(transform(raw, *affine))
     if entry.flip:
         mesh = turned_round(mesh)
     largest = np.max(np.abs(mesh.vertices))
     if not largest <= MAX_COORDINATE:
         raise ValueError(f"coordinates reach {largest:.3g} in the world; expected at most {MAX_COORDINATE:g}")
-    if np.ptp(raw.vertices, axis=0).any() and not np.ptp(mesh.vertices, axis=0).any():
+    size = np.ptp(mesh.vertices, axis=0).max()
+    if np.ptp(raw.vertices, axis=0).any() and not size:
         raise ValueError(
             f"even in float64 all of it is one point at coordinates up to {largest:.3g}; "
             "move it nearer to the origin, or use a larger scale"
         )
+    terms = _largest_term(raw.vertices, affine)
+    if size and ROUNDINGS * UNIT * terms > TOLERANCE * size:
+        raise ValueError(
+            f"its transform adds numbers up to {terms:.3g} to a size of {size:.3g}, which even float64 does not hold; "
+            "let the coordinates of the mesh itself be near the origin"
+        )
     if mesh.normals is not None:
         mesh = mesh._replace(normals=normalise(mesh.normals))
     return PlacedMesh(mesh, entry.normals == "smooth", material_id)
+
+
+def _largest_term(vertices: Vectors, affine: Affine) -> float:
+    """Return a bound on the numbers that are added for any coordinate, world units."""
+    reach = np.maximum(-vertices.min(axis=0), vertices.max(axis=0)).clip(0)
+    return float((multiply(np.abs(affine.linear), reach[None])[0] + np.abs(affine.offset)).max())

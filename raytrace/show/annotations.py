@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.show.drawing import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION
+from raytrace.show.drawing import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 from raytrace.show.path_steps import Steps
 
 NORMAL = 0.25  # length of a normal, in half heights of the axes
@@ -26,7 +26,7 @@ def draw_path(axes: Any, steps: Steps, project: Projection, half: float) -> None
             tip = project(step.p + NORMAL * half * step.ns)
             axes.annotate("", tip, project(step.p), arrowprops=_arrow(BLACK, 1.3), zorder=5, annotation_clip=True)
             _number(axes, number, project(step.p), tip - project(step.p), colour)
-        colour = PURPLE if "totally" in step.event else GREEN
+        colour = PURPLE if "reflected" in step.event else SKY if step.event in ("scatters", "lands") else GREEN
 
 
 def _arrow(colour: str, width: float) -> dict[str, Any]:
@@ -54,28 +54,30 @@ def _number(axes: Any, number: int, at: NDArray[np.float64], normal: NDArray[np.
     axes.annotate(str(number), at, 17 * away, textcoords="offset points", bbox=box, **style)
 
 
-def draw_shadows(axes: Any, steps: Steps, project: Projection) -> None:
+def draw_shadows(axes: Any, steps: Steps, project: Projection, half: float) -> None:
     """Draw the shadow rays, with a cross where they are blocked."""
     for ray in steps.shadows:
-        if ray.event == "faces away":
+        if np.isnan(ray.t):
             continue
         blocked = ray.event == "blocked"
-        stop = ray.o + ray.t * ray.d
+        stop = ray.o + min(ray.t, ESCAPE * half) * ray.d
         style: Any = {"color": VERMILION if blocked else ORANGE, "linewidth": 1.9, "zorder": 3}
         axes.plot(*np.stack([project(ray.o), project(stop)]).T, **style)
         if blocked:
-            axes.plot(*np.stack([project(stop), project(ray.o + ray.d)]).T, linestyle=":", **style)
+            end = ray.o + (ESCAPE * half if ray.far else 1.0) * ray.d
+            axes.plot(*np.stack([project(stop), project(end)]).T, linestyle=":", **style)
             axes.plot(*project(stop), "X", color=VERMILION, markersize=10, zorder=7)
 
 
-def legend_handles() -> list[Any]:
-    """Handles of a legend that explains the colours."""
+def legend_handles(paths: bool = False) -> list[Any]:
+    """Handles of a legend that explains the colours; paths: of path tracing."""
     from matplotlib.lines import Line2D
 
     entries: Any = (
         ("camera ray", BLUE, "-", 2.4, ""),
         ("refracted", GREEN, "-", 2.4, ""),
-        ("totally reflected", PURPLE, "-", 2.4, ""),
+        ("reflected" if paths else "totally reflected", PURPLE, "-", 2.4, ""),
+        *([("scattered", SKY, "-", 2.4, "")] if paths else []),
         ("shading normal", BLACK, "-", 1.3, ""),
         ("light reached", ORANGE, "-", 1.9, ""),
         ("light blocked", VERMILION, ":", 1.9, "X"),

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.errors import OptionError
 from raytrace.image.files import srgb8
 from raytrace.limits import MAX_SPP
 from raytrace.rendering.rendering import render, within
+from raytrace.scene.path_plan import needs_paths
 from raytrace.show.annotations import legend_handles
 from raytrace.show.drawing import VERMILION, Drawing, new_figure, show_image
 from raytrace.show.path_elevations import draw_elevations
 from raytrace.show.path_section import draw_section
-from raytrace.show.path_steps import Steps, follow
+from raytrace.show.path_steps import Step, Steps, follow
 from raytrace.show.path_tables import as_html, as_text, tables_of
 from raytrace.show.prepared_scene import AnyScene, PreparedScene, prepare_scene
 
@@ -46,15 +46,20 @@ class PathDrawing(Drawing):
 
 
 def _arrays(steps: Steps) -> dict[str, NDArray[Any]]:
-    fields = ("o", "d", "t", "prim_id", "p", "ng", "ns", "eta", "angle_in", "angle_out")
+    fields = [name for name in Step._fields if name not in ("material", "event", "onward")]
     data = {name: np.array([getattr(step, name) for step in steps.path]) for name in fields}
-    for name in ("o", "d", "t", "irradiance", "radiance"):
+    for name in ("step", "light", "o", "d", "t", "pdf", "weight", "irradiance", "radiance"):
         data[f"shadow_{name}"] = np.array([getattr(ray, name) for ray in steps.shadows])
     return data | {"radiance": steps.radiance}
 
 
 def path(
-    scene: AnyScene, pixel: tuple[int, int], *, size: tuple[int, int] | None = None, sample: int = 0
+    scene: AnyScene,
+    pixel: tuple[int, int],
+    *,
+    size: tuple[int, int] | None = None,
+    sample: int = 0,
+    integrator: str | None = None,
 ) -> PathDrawing:
     """Trace one sample of a pixel, and draw its path in section, from the side and from above.
 
@@ -68,26 +73,30 @@ def path(
         Image size; default: the scene's.
     sample : int
         Number of the sample, from 0.
+    integrator : {"direct", "path"}, optional
+        As for ``render``; default: what the scene says.
 
     Returns
     -------
     PathDrawing
         ``print`` it for the tables. ``data``: for each ray of the path "o", "d", "t", "prim_id", "p", "ng", "ns",
-        "eta", "angle_in", "angle_out"; for each light "shadow_o", "shadow_d", "shadow_t", "shadow_irradiance",
-        "shadow_radiance"; and the sample's "radiance". ``steps`` has the same as records.
+        "eta", "angle_in", "angle_out", "throughput", "pdf", "added", "weight", "survival"; for each shadow ray
+        "shadow_step", "shadow_light", "shadow_o", "shadow_d", "shadow_t", "shadow_pdf", "shadow_weight",
+        "shadow_irradiance", "shadow_radiance"; and the sample's "radiance". ``steps`` has the same as records.
 
     Raises
     ------
     SceneError, FileError
         As for ``load``.
     OptionError
-        A scene that needs path tracing; a pixel outside the image.
+        An unknown integrator; a pixel outside the image.
     RaytraceError
         matplotlib isn't installed.
 
     Notes
     -----
-    The sample is traced by the kernels of ``render``, in the same precision: hits and radiance are bit-identical.
+    The sample is traced by the kernels of ``render``, in the same precision and with the same random numbers: hits and
+    radiance are bit-identical.
 
     Examples
     --------
@@ -95,12 +104,11 @@ def path(
     >>> drawing = rt.show.path("scenes/cornell-box-glass.json", (24, 24), size=(64, 64))
     >>> [(step.event, step.material) for step in drawing.steps.path]
     [('enters', 'pane'), ('lands', 'grey')]
+    >>> drawing = rt.show.path("scenes/cornell-box-glass.json", (24, 24), size=(64, 64), integrator="path")
+    >>> drawing.steps.path[1].event, drawing.steps.shadows[0].event
+    ('scatters', 'reaches')
     """
-    prepared = prepare_scene(scene, size)
-    if prepared.compiled.plan.paths:
-        raise OptionError(
-            "rt.show.path: does not draw path-traced scenes yet: point lights, diffuse and refractive only"
-        )
+    prepared = prepare_scene(scene, size, integrator)
     column, row = (
         within("pixel", number, 0, side - 1) for number, side in zip(pixel, prepared.settings.size, strict=True)
     )
@@ -112,7 +120,7 @@ def path(
         top, bottom = grid[0].subgridspec(1, 3, width_ratios=(4, 7, 2)), grid[1].subgridspec(1, 2)
         _image(figure.add_subplot(top[0]), prepared, (column, row))
         draw_section(prepared, steps, figure.add_subplot(top[1]))
-        _legend(figure.add_subplot(top[2]))
+        _legend(figure.add_subplot(top[2]), needs_paths(prepared.scene, prepared.settings.integrator))
         draw_elevations(prepared, steps, [figure.add_subplot(bottom[k]) for k in range(2)])
     return PathDrawing(title, steps, figure)
 
@@ -122,7 +130,8 @@ def _image(axes: Any, prepared: PreparedScene, pixel: tuple[int, int]) -> None:
     width, height = prepared.settings.size
     scale = min(SIDE / max(width, height), 1.0)
     small = max(round(scale * width), 1), max(round(scale * height), 1)
-    show_image(axes, srgb8(render(prepared.scene, spp=4, size=small, progress=False).rgb))
+    ask: Any = {"spp": 4, "size": small, "progress": False}
+    show_image(axes, srgb8(render(prepared.scene, integrator=prepared.settings.integrator, **ask).rgb))
     at = [
         (number + 0.5) * part / whole - 0.5 for number, part, whole in zip(pixel, small, (width, height), strict=True)
     ]
@@ -130,6 +139,6 @@ def _image(axes: Any, prepared: PreparedScene, pixel: tuple[int, int]) -> None:
     axes.plot(*at, "o", markersize=15, markerfacecolor="none", markeredgecolor=VERMILION, markeredgewidth=2)
 
 
-def _legend(axes: Any) -> None:
+def _legend(axes: Any, paths: bool) -> None:
     axes.axis("off")
-    axes.legend(handles=legend_handles(), loc="center")
+    axes.legend(handles=legend_handles(paths), loc="center")

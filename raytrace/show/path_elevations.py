@@ -24,11 +24,11 @@ def draw_elevations(prepared: PreparedScene, steps: Steps, axes: Any) -> None:
         return (np.asarray(points, np.float64) - view.origin) @ frame.T
 
     low, high = _limits(project(_points(prepared, steps)), project(prepared.scene.mesh.vertices))
-    lights = project(prepared.scene.lights.position)
+    lights = project(_lights(prepared))
     for k, (name, up) in enumerate((("from the side", 1), ("from above", 2))):
         _scene(axes[k], project(feature_lines(prepared.scene.mesh, frame[3 - up]))[..., [0, up]], lights[:, [0, up]])
         half = (high[up] - low[up]) / 2
-        draw_shadows(axes[k], steps, lambda points, up=up: project(points)[..., [0, up]])  # type: ignore[misc]
+        draw_shadows(axes[k], steps, lambda points, up=up: project(points)[..., [0, up]], half)  # type: ignore[misc]
         draw_path(axes[k], steps, lambda points, up=up: project(points)[..., [0, up]], half)  # type: ignore[misc]
         axes[k].set(xlim=(low[0], high[0]), ylim=(low[up], high[up]), aspect="equal", ylabel=("up", "left")[k])
         axes[k].set_title(name, loc="left")
@@ -36,9 +36,16 @@ def draw_elevations(prepared: PreparedScene, steps: Steps, axes: Any) -> None:
 
 
 def _points(prepared: PreparedScene, steps: Steps) -> NDArray[np.floating]:
-    """Points that must be visible: camera, hits and lights."""
+    """Points that must be visible: camera, hits, lights, and points of lamps."""
     met = [step.p for step in steps.path if step.prim_id >= 0]
-    return np.concatenate([[prepared.view.origin], *([met] if met else []), prepared.scene.lights.position])
+    met += [ray.o + ray.d for ray in steps.shadows if ray.light < 0 and not np.isnan(ray.t)]
+    return np.concatenate([[prepared.view.origin], *([met] if met else []), _lights(prepared)])
+
+
+def _lights(prepared: PreparedScene) -> NDArray[np.float64]:
+    """Positions of point and spot lights."""
+    lights = prepared.scene.lights
+    return lights.position if lights.spots is None else np.concatenate([lights.position, lights.spots.position])
 
 
 def _limits(points: NDArray[np.float64], mesh: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

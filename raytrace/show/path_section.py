@@ -1,5 +1,6 @@
 """A path in its plane of incidence, with a section of the scene: angles and lengths are true to scale."""
 
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -65,8 +66,13 @@ def cut(mesh: Mesh, plane: Plane) -> NDArray[np.float64]:
     return (apex + share * (others - apex))[..., :2]
 
 
+def is_specular(step: Step) -> bool:
+    """Whether a path is bent at a surface, and not scattered."""
+    return not np.isnan(step.eta) or "reflected" in step.event
+
+
 def draw_section(prepared: PreparedScene, steps: Steps, axes: Any) -> None:
-    """Draw the interfaces of a path, or else its end, in the plane of incidence of the first hit."""
+    """Draw the interfaces at which a path begins, or else its first hit, in the plane of incidence of that."""
     met = [step for step in steps.path if step.prim_id >= 0]
     axes.set(xticks=[], yticks=[])
     axes.spines[:].set(visible=True, color="#aaaaaa", linewidth=0.6)
@@ -74,7 +80,7 @@ def draw_section(prepared: PreparedScene, steps: Steps, axes: Any) -> None:
         axes.set_title("the ray hits nothing", loc="left")
         return
     plane = Plane(met[0], -prepared.view.down)
-    bent = [step for step in met if not np.isnan(step.eta)] or met[-1:]
+    bent = list(takewhile(is_specular, met)) or met[:1]
     points = plane.project(np.array([step.p for step in bent]))
     low, high = points.min(axis=0), points.max(axis=0)
     mesh = prepared.scene.mesh
@@ -109,7 +115,7 @@ def _angles(axes: Any, step: Step, plane: Plane, radius: float) -> None:
         *np.stack([at - 2.4 * radius * n, at + 2.4 * radius * n]).T, color=BLACK, linewidth=0.9, linestyle=(0, (4, 3))
     )
     sides = [(n, -(plane.frame[:2] @ step.d), step.angle_in)]
-    if step.onward is not None:
+    if step.onward is not None and is_specular(step):
         ray = plane.frame[:2] @ step.onward
         sides.append((n if ray @ n > 0 else -n, ray, step.angle_out))
     for normal, ray, angle in sides:

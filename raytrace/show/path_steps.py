@@ -8,9 +8,13 @@ from numpy.typing import NDArray
 from raytrace.accel.lanes import PACKET
 from raytrace.errors import printable
 from raytrace.passes.sampling import make_sampler
-from raytrace.records import REFRACTIVE, Batch, Columns
+from raytrace.records import DIELECTRIC, REFRACTIVE, Batch, Columns
 from raytrace.rendering.wavefront import Wavefront
+from raytrace.scene.path_plan import needs_paths
 from raytrace.show.prepared_scene import PreparedScene
+
+ONE, BLACK = np.ones(3), np.zeros(3)
+ONE.flags.writeable = BLACK.flags.writeable = False
 
 
 class Step(NamedTuple):
@@ -29,18 +33,28 @@ class Step(NamedTuple):
     eta: float  # transmitted / incident; NaN where nothing is refracted
     angle_in: float  # degrees, to the shading normal
     angle_out: float  # degrees; NaN where the path ends
+    throughput: NDArray[np.floating] = ONE  # (3,) f: of the path before the hit: factor of the light along the ray
+    pdf: float = np.inf  # 1 / sr: density of d; inf: a camera ray, or after a perfectly specular surface
+    added: NDArray[np.floating] = BLACK  # (3,) f: what the sample gains of the light that the ray meets
+    weight: float = np.nan  # of that light, by multiple importance sampling; NaN: there is none
+    survival: float = 1.0  # probability with which Russian roulette let the path go on after the hit
 
 
 class ShadowRay(NamedTuple):
-    """A shadow ray from the end of the path to a light."""
+    """A shadow ray from a surface that scatters to a light."""
 
-    light: int
+    light: int  # row of the scene's lights; -1: a lamp
     o: NDArray[np.floating]  # (3,) f, world units
-    d: NDArray[np.floating]  # (3,) f, world units: to the light, which is at t = 1
-    event: str  # "reaches", "blocked" or "faces away"
-    t: float  # its end: 1, or the hit that blocks it; NaN if the surface faces away
-    irradiance: NDArray[np.floating]  # (3,) f, W / m^2: at the surface
+    d: NDArray[np.floating]  # (3,) f, world units: to the light at t = 1; unit length to a light infinitely far away
+    event: str  # "reaches", "blocked", "faces away", or "sends nothing here"
+    t: float  # its end: 1, inf, or the hit that blocks it; NaN if there is no ray
+    irradiance: NDArray[np.floating]  # (3,) f, W / m^2: at the surface, divided by the density
     radiance: NDArray[np.floating]  # (3,) f: contribution to the sample
+    name: str = ""  # of the light
+    step: int = 0  # row of the path: where it starts
+    pdf: float = np.inf  # 1 / sr: density of its direction, with the probability of the light; inf: a light of no size
+    weight: float = 1.0  # by multiple importance sampling
+    far: bool = False  # the light is infinitely far away
 
 
 class Steps(NamedTuple):
@@ -49,9 +63,10 @@ class Steps(NamedTuple):
     path: tuple[Step, ...]
     shadows: tuple[ShadowRay, ...]
     radiance: NDArray[np.floating]  # (3,) f: of the sample
+    traced: bool = False  # by path tracing
 
 
-class _TracedRay(NamedTuple):
+class TracedRay(NamedTuple):
     """A ray and its hit, as computed by the wavefront."""
 
     o: NDArray[np.floating]
@@ -78,7 +93,7 @@ class _Recorder(Wavefront):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self.sent: list[_TracedRay] = []
+        self.sent: list[TracedRay] = []
         self.lit: list[_TracedShadow] = []
 
     def first(self, field: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -88,7 +103,7 @@ class _Recorder(Wavefront):
     def _closest(self, batch: Batch, origins: Columns, count: int) -> None:
         super()._closest(batch, origins, count)
         o = origins.data[origins.start + origins.axis * np.arange(3)]
-        self.sent.append(_TracedRay(o, self.first(batch.d), *(column[0] for column in batch.hits)))
+        self.sent.append(TracedRay(o, self.first(batch.d), *(column[0] for column in batch.hits)))
 
     def _light(self, number: int) -> None:
         before = self.first(self.radiance)
@@ -103,6 +118,10 @@ class _Recorder(Wavefront):
 def follow(prepared: PreparedScene, pixel: tuple[int, int], sample: int) -> Steps:
     """Trace a sample of a pixel; the numbers are those of ``render``."""
     settings = prepared.settings
+    if needs_paths(prepared.scene, settings.integrator):
+        from raytrace.show.path_vertices import follow_path
+
+        return follow_path(prepared, pixel, sample)
     sampler = make_sampler(settings.sampler, settings.seed, settings.spp)
     recorder = _Recorder(prepared.compiled, prepared.view, sampler, PACKET)
     x, y = (np.full(PACKET, number, np.uint32) for number in pixel)
@@ -111,37 +130,49 @@ def follow(prepared: PreparedScene, pixel: tuple[int, int], sample: int) -> Step
     path = tuple(_step(prepared, ray, next_d) for ray, next_d in zip(recorder.sent, onward, strict=True))
     landed = "lands" in path[-1].event
     shadows = tuple(_shadow(prepared, number, ray) for number, ray in enumerate(recorder.lit)) if landed else ()
+    shadows = tuple(ray._replace(name=f"lights[{ray.light}]: point", step=len(path) - 1) for ray in shadows)
     return Steps(path, shadows, recorder.first(recorder.radiance))
 
 
-def _step(prepared: PreparedScene, ray: _TracedRay, onward: NDArray[np.floating] | None) -> Step:
+def _step(prepared: PreparedScene, ray: TracedRay, onward: NDArray[np.floating] | None) -> Step:
     """Describe a ray, its hit and the next direction."""
+    step = describe(prepared, ray, onward)
+    if step.prim_id < 0:
+        background = prepared.compiled.background
+        return step._replace(added=background, weight=1.0) if background.any() else step
+    row = prepared.scene.mesh.material_id[step.prim_id]
+    front = step.ng @ prepared.compiled.bvh.triangles[step.prim_id, 9:] > 0
+    if not np.isnan(step.eta):
+        return step._replace(event=passage(bool(front), onward, step.ng))
+    seen = front or prepared.scene.materials.two_sided[row]
+    return step._replace(event="lands" if seen else "meets the back: black")
+
+
+def describe(prepared: PreparedScene, ray: TracedRay, onward: NDArray[np.floating] | None) -> Step:
+    """Describe a ray, its hit and the next direction, but not what happens there."""
     o, d, t, prim_id, u, v = ray
     nothing = np.full(3, np.nan)
     if prim_id < 0:
-        return Step(o, d, np.inf, -1, nothing, nothing, nothing, "", "leaves the scene", None, *3 * [np.nan])
+        return Step(o, d, np.inf, -1, nothing, nothing, nothing, "", "leaves the scene", None, np.nan, np.nan, np.nan)
     scene, triangle = prepared.scene, prepared.compiled.bvh.triangles[prim_id]
     p, ng = triangle[:3] + (u * (triangle[3:6] - triangle[:3]) + v * (triangle[6:9] - triangle[:3])), triangle[9:]
     ns = ng
     if scene.mesh.normals is not None:
         ns = np.array([1 - u - v, u, v]) @ scene.mesh.normals[prim_id]
         ns = ns / np.linalg.norm(ns)
-    front = d @ ng < 0
-    side = 1 if front else -1
+    side = 1 if d @ ng < 0 else -1
     row = scene.mesh.material_id[prim_id]
     eta = np.nan
-    if scene.materials.kind[row] == REFRACTIVE:
-        eta = scene.materials.ior[row] if front else 1 / scene.materials.ior[row]
-        event = _passage(bool(front), onward, side * ng)
-    else:
-        event = "lands" if front or scene.materials.two_sided[row] else "meets the back: black"
+    if scene.materials.kind[row] in (REFRACTIVE, DIELECTRIC):
+        eta = scene.materials.ior[row] if side > 0 else 1 / scene.materials.ior[row]
     out = np.nan if onward is None else _degrees(abs(onward @ ns))
     name = printable(scene.materials.name[row])
     angle = _degrees(-d @ ns * side)
-    return Step(o, d, float(t), int(prim_id), p, side * ng, side * ns, name, event, onward, float(eta), angle, out)
+    return Step(o, d, float(t), int(prim_id), p, side * ng, side * ns, name, "", onward, float(eta), angle, out)
 
 
-def _passage(front: bool, onward: NDArray[np.floating] | None, ng: NDArray[np.floating]) -> str:
+def passage(front: bool, onward: NDArray[np.floating] | None, ng: NDArray[np.floating]) -> str:
+    """What happens at an interface; ``ng`` is on the side of the ray."""
     if onward is None:
         return "stops: max_depth"
     if onward @ ng > 0:

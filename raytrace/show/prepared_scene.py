@@ -29,11 +29,11 @@ class PreparedScene(NamedTuple):
     view: View
 
 
-def prepare_scene(scene: AnyScene, size: tuple[int, int] | None = None) -> PreparedScene:
+def prepare_scene(scene: AnyScene, size: tuple[int, int] | None = None, integrator: str | None = None) -> PreparedScene:
     """Load a scene if necessary, and compile it; ``size`` (width, height) replaces the size of its film."""
     if not isinstance(scene, Scene):
         scene = load(scene)
-    settings = override(scene.settings, None, size, None, None, None)
+    settings = override(scene.settings, None, size, None, None, None, integrator=integrator)
     plan = make_plan(scene)
     precision = plan.precision.name if settings.precision == "auto" else settings.precision
     view = make_view(scene.camera, settings.size, np.dtype(precision))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.records import REFRACTIVE, Scene
+from raytrace.records import DIELECTRIC, REFRACTIVE, Lights, Scene
 from raytrace.rendering.compiled_scene import recompiled, set_compiled
 from raytrace.show.orbit import orbited
 from raytrace.show.prepared_scene import PreparedScene
@@ -18,15 +18,15 @@ class SceneEdits(NamedTuple):
     azimuth: float = 0.0  # degrees: rotation of the camera about the up vector
     elevation: float = 0.0  # degrees: rotation of the camera towards the up vector
     distance: float = 1.0  # factor for the distance of the camera
-    power: float = 1.0  # factor for all fluxes
+    power: float = 1.0  # factor for all lights
     ior: Mapping[str, float] = {}  # indices of refraction, by name of the material
     spp: int = 64
 
 
 def indices_of_refraction(scene: Scene) -> dict[str, float]:
-    """Index of refraction of each refractive material, by name."""
+    """Index of refraction of each material that has one, by name."""
     materials = scene.materials
-    rows = np.flatnonzero(materials.kind == REFRACTIVE)
+    rows = np.flatnonzero((materials.kind == REFRACTIVE) | (materials.kind == DIELECTRIC))
     return {materials.name[row]: float(materials.ior[row]) for row in rows}
 
 
@@ -39,10 +39,35 @@ def edited(prepared: PreparedScene, edits: SceneEdits) -> Scene:
     new = replace(
         scene,
         camera=orbited(scene.camera, edits.azimuth, edits.elevation, edits.distance),
-        lights=scene.lights._replace(flux=scene.lights.flux * edits.power),
-        materials=scene.materials._replace(ior=ior),
+        lights=_brighter(scene.lights, edits.power),
+        materials=scene.materials._replace(
+            ior=ior, emission=None if scene.materials.emission is None else scene.materials.emission * edits.power
+        ),
         settings=prepared.settings._replace(spp=edits.spp, precision=prepared.compiled.bvh.precision),
     )
     vars(new)["sha256"] = ""  # the hash of a large mesh takes longer than a frame
     set_compiled(new, recompiled(prepared.compiled, new))
     return new
+
+
+def number_of_lights(scene: Scene) -> int:
+    """Number of lights whose power can be changed; all lamps count as one."""
+    lights = scene.lights
+    return (
+        len(lights.flux)
+        + (0 if lights.spots is None else len(lights.spots.cutoff))
+        + (0 if lights.directions is None else len(lights.directions.irradiance))
+        + (lights.environment is not None)
+        + (scene.materials.emission is not None)
+    )
+
+
+def _brighter(lights: Lights, power: float) -> Lights:
+    """Lights of this power, relative to theirs."""
+    spots, directions = lights.spots, lights.directions
+    return lights._replace(
+        flux=lights.flux * power,
+        spots=None if spots is None else spots._replace(intensity=spots.intensity * power),
+        directions=None if directions is None else directions._replace(irradiance=directions.irradiance * power),
+        environment=None if lights.environment is None else lights.environment * power,
+    )

@@ -15,7 +15,7 @@ from raytrace.show.background_renderer import BackgroundRenderer, EncodedImage
 from raytrace.show.orbit import elevation_limits
 from raytrace.show.path_drawing import path
 from raytrace.show.prepared_scene import PreparedScene
-from raytrace.show.scene_edits import SceneEdits, edited, indices_of_refraction
+from raytrace.show.scene_edits import SceneEdits, edited, indices_of_refraction, number_of_lights
 
 STILL_SPP = 16  # samples per pixel of the static image for front ends without widgets
 CLOSEST, FARTHEST = 0.05, 20.0  # limits of ``distance``
@@ -31,9 +31,9 @@ class Viewer(AnyWidget):
     distance : float
         Factor for the distance of the camera from that point.
     power : float
-        Factor for all fluxes.
+        Factor for all lights: fluxes, intensities, irradiances, and the radiance of lamps and of the environment.
     ior : dict of str to float
-        Index of refraction by name of a material; materials that are not named keep theirs.
+        Index of refraction by name of a refractive or dielectric material; materials that are not named keep theirs.
     spp : int
         Samples per pixel of the final image.
 
@@ -67,7 +67,7 @@ class Viewer(AnyWidget):
         self._renderer = BackgroundRenderer(self._begin, self._send_frame, self._send_error)
         about = {
             "about": scene.about,
-            "lights": len(scene.lights.flux),
+            "lights": number_of_lights(scene),
             "elevation_limits": elevation_limits(scene.camera),
         }
         super().__init__(spp=spp, ior=self._own, first_ior=self._own, size=prepared.settings.size, **about)
@@ -79,7 +79,9 @@ class Viewer(AnyWidget):
         """Check the indices; materials that are not given keep the index of the scene."""
         for name, value in proposal["value"].items():
             if name not in self._own:
-                raise TraitError(f"ior: no refractive material {name!r}; there are {', '.join(self._own) or 'none'}")
+                raise TraitError(
+                    f"ior: no material {name!r} with an index of refraction; there are {', '.join(self._own) or 'none'}"
+                )
             if not 0 < value < float("inf"):
                 raise TraitError(f"ior: {name}: expected a number above 0, got {value!r}")
         return self._own | proposal["value"]

@@ -146,6 +146,9 @@ def refuse(scene: Scene) -> None:
         "materials other than diffuse, refractive, mirror and dielectric": not np.isin(kinds, KNOWN).all(),
         "spot lights": scene.lights.spots is not None,
         "directional lights": scene.lights.directions is not None,
+        "transparent shadows among lamps": bool(
+            scene.materials.emission is not None and scene.materials.transparent_shadow[scene.mesh.material_id].any()
+        ),
         "environments": scene.lights.environment is not None,
     }
     for what, found in lacking.items():

@@ -1,4 +1,4 @@
-"""Render our scenes with Mitsuba 3: the same meshes, camera, point lights and box filter."""
+"""Render our scenes with Mitsuba 3: the same meshes, camera, point lights, lamps and box filter."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,11 +6,14 @@ from typing import Any
 import numpy as np
 from peers import mitsuba
 
+from raytrace.passes.paths import ROULETTE_FROM
 from raytrace.records import REFRACTIVE, Scene
 
 
 def integrator(scene: Scene) -> dict[str, Any]:
-    """Mitsuba's own for direct light, one shadow ray a sample; with refractive surfaces, ours."""
+    """Mitsuba's own for all light, or for direct light with one shadow ray a sample; with refractive surfaces, ours."""
+    if scene.settings.integrator == "path":  # its depth counts the camera's ray too
+        return {"type": "path", "max_depth": scene.settings.max_depth + 1, "rr_depth": ROULETTE_FROM}
     iors = set(scene.materials.ior[scene.materials.kind == REFRACTIVE].tolist())
     if not iors:
         return {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0}
@@ -74,14 +77,19 @@ def peer_scene(scene: Scene, size: tuple[int, int], sampler: str = "independent"
         bsdf = {"type": "diffuse", "reflectance": {"type": "rgb", "value": materials.albedo[k].tolist()}}
         if materials.kind[k] == REFRACTIVE:
             bsdf = {"type": "dielectric", "int_ior": float(materials.ior[k]), "ext_ior": 1.0}
-        content[f"mesh{k}"] = _peer_mesh(scene.mesh.vertices, scene.mesh.faces[scene.mesh.material_id == k], bsdf)
+        emission = None if materials.emission is None else materials.emission[k]
+        faces = scene.mesh.faces[scene.mesh.material_id == k]
+        content[f"mesh{k}"] = _peer_mesh(scene.mesh.vertices, faces, bsdf, emission)
     return mi.load_dict(content)
 
 
-def _peer_mesh(vertices: np.ndarray, faces: np.ndarray, bsdf: dict[str, Any]) -> Any:
+def _peer_mesh(vertices: np.ndarray, faces: np.ndarray, bsdf: dict[str, Any], emission: np.ndarray | None) -> Any:
     mi = mitsuba()
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(bsdf)
+    if emission is not None and emission.any():
+        radiance = {"type": "rgb", "value": emission.tolist()}
+        properties["emitter"] = mi.load_dict({"type": "area", "radiance": radiance})
     mesh = mi.Mesh("mesh", len(vertices), len(faces), props=properties)
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = mi.Float(vertices.ravel().astype("f4"))
