@@ -73,7 +73,7 @@ def test_the_passes_of_path_tracing_that_it_names_are_those_that_run(path, integ
     if plan.paths:
         rays = picture.stats["rays"]
         assert (rays["camera"] + rays.get("path", 0)) / 256 <= most.closest + 0.1  # 256 samples
-        if integrator == "path":  # the count of "direct" has lanes without a ray
+        if integrator == "path":
             assert rays.get("shadow", 0) / 256 <= (most.shadow + 0.1) * (1 + plan.transparent)
 
 
@@ -88,7 +88,8 @@ def test_in_a_closed_room_the_bound_on_rays_is_reached(albedo, depth):
     }
     most, rays = most_rays(rt.load(room)), rt.render(room).stats["rays"]
     assert (rays["camera"] + rays["path"]) / 64**2 / 4 == pytest.approx(most.closest, rel=0.01)
-    assert rays["shadow"] / 64**2 / 4 == pytest.approx(most.shadow, rel=0.01)
+    # a sixth of the lamps is the wall of the point itself, to which no ray is sent
+    assert rays["shadow"] / 64**2 / 4 == pytest.approx(most.shadow * 5 / 6, rel=0.01)
     (row,) = [text for name, text in rt.explain(room).passes if name == "closest hit"]
     assert row == f"one query per ray, at most {most.closest:.3g} per sample on average"
 
