@@ -77,7 +77,7 @@ def light_warnings(scene: Scene) -> tuple[str, ...]:
         names = _names(scene, used[materials.transparent_shadow[used]])
         lines.append(f'{names}: "shadows": "transparent" is not physical: light passes unbent, and casts no caustic')
     kinds = set(materials.kind[used].tolist())
-    if scene.settings.integrator != "path" or DIFFUSE not in kinds or kinds == {DIFFUSE}:
+    if scene.settings.integrator != "path" or kinds.isdisjoint(SCATTERING) or kinds <= set(SCATTERING):
         return tuple(lines)
     if len(lights.flux) or lights.spots is not None or lights.directions is not None:
         lines.append(

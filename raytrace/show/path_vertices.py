@@ -9,7 +9,7 @@ from raytrace.accel.lanes import PACKET
 from raytrace.passes import environment, lights, paths
 from raytrace.passes.path_records import Paths
 from raytrace.passes.sampling import make_sampler
-from raytrace.records import DIELECTRIC, REFRACTIVE, SCATTERING, Columns
+from raytrace.records import DIELECTRIC, DIFFUSE, REFRACTIVE, SCATTERING, Columns
 from raytrace.rendering.compiled_scene import paths_of
 from raytrace.rendering.path_scene import PathScene
 from raytrace.rendering.path_wavefront import PathWavefront
@@ -188,7 +188,10 @@ def _shadow(prepared: PreparedScene, scene: PathScene, k: int, vertex: _Vertex) 
     if sample.tmax < 0:
         return ray._replace(event="sends nothing here", t=np.nan, pdf=np.nan, weight=np.nan)
     ratio = sample.cosine / np.pi / sample.pdf
-    ray = ray._replace(weight=float(1 / (1 + ratio * ratio)))
+    diffuse = scene.surfaces.kind[scene.shading.material_id[vertex.ray.prim_id]] == DIFFUSE
+    ray = ray._replace(
+        weight=float(1 / (1 + ratio * ratio)) if diffuse else np.nan
+    )  # the density of others is not kept
     if not sample.sent:
         return ray._replace(event="faces away", t=np.nan)
     if sample.occluded:
