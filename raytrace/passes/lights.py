@@ -153,7 +153,7 @@ def sample_triangles(sampler, paths, n, depth, table, shading, textures, vertice
         radiance = numbers3(table, row, 0)
         if textures is not None:
             material = gather(shading.material_id, prim)
-            radiance = varied(textures, textures.emission, material, prim, (u, v), radiance)
+            radiance = varied(textures, textures.emission, material, (prim, u, v), radiance)
         put(incident, i, wanted, (o, d, splat(1.0, like)), (wi, scaled(radiance, 1.0 / pdf), pdf))
 
 

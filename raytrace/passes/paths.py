@@ -146,7 +146,7 @@ def see_lamps(paths, n, shading, surfaces, textures, radiance):
         emission, throughput = vector_of(surfaces.emission, material, 3, 0), load3(paths.throughput, i, size, like)
         if textures is not None:
             u, v = load(paths.rays.hits.u, i, like), load(paths.rays.hits.v, i, like)
-            emission = varied(textures, textures.emission, material, prim, (u, v), emission)
+            emission = varied(textures, textures.emission, material, (prim, u, v), emission)
         value = (
             weight * throughput[0] * emission[0],
             weight * throughput[1] * emission[1],

@@ -146,10 +146,11 @@ def numbers_of_textures(textures, row):
 
 
 @inlined
-def varied_by_uv(uv, textures, row, prim, at, colour):
+def varied_by_uv(uv, textures, row, point, colour):
     """Colours of images and checkerboards; ``colour`` for textures of another kind."""
     if uv is None:
         return colour
+    prim, u, v = point
     eps = machine_epsilon(textures.scale)
     kind, first, size, scale = numbers_of_textures(textures, row)
     a, b = vector_of(uv, prim, 6, 0), vector_of(uv, prim, 6, 3)  # as ``uv_at``
@@ -165,20 +166,20 @@ def varied_by_uv(uv, textures, row, prim, at, colour):
 
 
 @inlined
-def texture_at(textures, row, prim, at):
-    """Colours of textures at points of triangles, given by barycentric coordinates."""
-    colour = varied_by_color(textures.colors, prim, at[0], at[1])
-    return varied_by_uv(textures.uv, textures, row, prim, at, colour)
+def texture_at(textures, row, point):
+    """Colours of textures at points: triangles, and barycentric coordinates u and v."""
+    colour = varied_by_color(textures.colors, point[0], point[1], point[2])
+    return varied_by_uv(textures.uv, textures, row, point, colour)
 
 
 @inlined
-def varied(textures, rows, material, prim, at, constant):
-    """Colours of materials at points of triangles; ``rows`` says which of them have a texture."""
+def varied(textures, rows, material, point, constant):
+    """Colours of materials at points, as ``texture_at`` has them; ``rows`` says which of them have a texture."""
     row = gather(rows, material)
     textured = row >= np.int32(0)
     if bits(textured) == 0:
         return constant
-    return choose3(textured, texture_at(textures, select(textured, row, np.int32(0)), prim, at), constant)
+    return choose3(textured, texture_at(textures, select(textured, row, np.int32(0)), point), constant)
 
 
 @kernel
@@ -194,7 +195,7 @@ def look_up_reflectance(paths, n, textures, surfaces, vertices):
         material, prim = numbers_of(material, there), numbers_of(load(hits.prim_id, i, like), there)
         u, v = load(hits.u, i, like), load(hits.v, i, like)
         constant = vector_of(surfaces.reflectance, material, 3, 0)
-        colour = varied(textures, textures.reflectance, material, prim, (u, v), constant)
+        colour = varied(textures, textures.reflectance, material, (prim, u, v), constant)
         store3(vertices.reflectance, i, size, colour)
 
 
