@@ -154,7 +154,7 @@ def varied_by_uv(uv, textures, row, point, colour):
     eps = machine_epsilon(textures.scale)
     kind, first, size, scale = numbers_of_textures(textures, row)
     a, b = vector_of(uv, prim, 6, 0), vector_of(uv, prim, 6, 3)  # as ``uv_at``
-    s, t = blend(a[0], a[2], b[1], *at) * scale[0], blend(a[1], b[0], b[2], *at) * scale[1]
+    s, t = blend(a[0], a[2], b[1], u, v) * scale[0], blend(a[1], b[0], b[2], u, v) * scale[1]
     near, board = kind == np.int32(NEAREST), kind == np.int32(CHECKERBOARD)
     if bits(near | board) != 0:
         texel = select(near, nearest_at(first, size, s, t, eps), square_at(first, s, t, eps))
