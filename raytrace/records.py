@@ -73,10 +73,6 @@ class Lights(NamedTuple):
     image: EnvironmentImage | None = None  # None: the environment is constant
     numbers: tuple[int, ...] = ()  # of each in the scene's list: points, spots, directions, environment; (): in order
 
-    def number(self, row: int) -> int:
-        """Number, in the scene's list of lights, of a row: point lights first, then spots, directions, environment."""
-        return self.numbers[row] if self.numbers else row
-
 
 class RawMesh(NamedTuple):
     """The triangles of one mesh file, in its own coordinates."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from raytrace.errors import SceneError
 from raytrace.records import ROUGH_DIELECTRIC, Mesh, Scene
+from raytrace.scene.tables import light_number
 
 GAMMA = 27  # roundings of the largest coordinate that bound the error of a point: 3 + 12 x 2 of passes/surface.py
 TOLERANCE = 0.01  # of the smallest feature: the largest error of position allowed in float32
@@ -152,7 +153,7 @@ def _check_sizes(scene: Scene) -> None:
     camera = _largest(scene.camera.position)
     places = {"camera": camera}
     for row, position in enumerate(np.concatenate(_light_positions(scene))):
-        places[f"lights[{scene.lights.number(row)}]"] = _largest(position)
+        places[f"lights[{light_number(scene.lights, row)}]"] = _largest(position)
     problems = [
         f"{where}: {name}: coordinates reach {far:.3g}; expected at most {high:g}"
         for name, far in places.items()

@@ -130,6 +130,11 @@ def _file_order(kinds: list[str]) -> tuple[int, ...]:
     return () if numbers == list(range(len(kinds))) else tuple(numbers)
 
 
+def light_number(lights: Lights, row: int) -> int:
+    """Number, in the scene's list of lights, of a row: point lights first, then spots, directions, environment."""
+    return lights.numbers[row] if lights.numbers else row
+
+
 def _environment(lights: Sequence[Any], image: EnvironmentImage | None) -> NDArray[np.float64] | None:
     if image is not None:
         return image.texture.mean * image.scale

@@ -13,6 +13,7 @@ from raytrace.records import DIELECTRIC, DIFFUSE, REFRACTIVE, SCATTERING, Column
 from raytrace.rendering.compiled_scene import paths_of
 from raytrace.rendering.path_scene import PathScene
 from raytrace.rendering.path_wavefront import PathWavefront
+from raytrace.scene.tables import light_number
 from raytrace.show.path_steps import BLACK, ShadowRay, Step, Steps, TracedRay, describe, passage
 from raytrace.show.prepared_scene import PreparedScene
 
@@ -212,7 +213,7 @@ def _light_of(prepared: PreparedScene, scene: PathScene, row: int) -> tuple[int,
     other = 0 if given.directions is None else len(given.directions.direction)
     earlier[lights.ENVIRONMENT] = earlier[lights.DIRECTIONAL] + other
     names = {lights.POINT: "point", lights.SPOT: "spot", lights.DIRECTIONAL: "directional"}
-    number = given.number(earlier[kind] + _row_of_kind(prepared, table, row))
+    number = light_number(given, earlier[kind] + _row_of_kind(prepared, table, row))
     return number, f"lights[{number}]: {names.get(kind, 'environment')}"
 
 
