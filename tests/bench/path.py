@@ -1,7 +1,9 @@
 """Path tracing beside Mitsuba 3 (``path``): paths per second, and the time to an equal error; interleaved."""
 
+import json
 from collections.abc import Callable
 from itertools import count
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from peers import available, mitsuba
 import raytrace as rt
 from raytrace.image.files import srgb_encode
 
+TOLERANCE = 6.5e-5  # of the ball: about 100,000 triangles
 MITSUBA = "independent", "stratified", "multijitter", "ldsampler"
 
 
@@ -40,6 +43,17 @@ def interval(ratios: np.ndarray) -> str:
     return f"{np.median(ratios):.2f} [{ordered[low]:.2f}, {ordered[n - 1 - low]:.2f}]"
 
 
+def with_ball(path: Path) -> dict[str, Any]:
+    """A scene whose blocks are replaced by a ball."""
+    data = json.loads(Path(path).read_text("utf-8"))
+    data["objects"] = [each for each in data["objects"] if not each["mesh"].endswith(("short.obj", "tall.obj"))]
+    for each in data["objects"]:
+        each["mesh"] = str(Path(path).parent / each["mesh"])
+    ball = {"center": [0, 0.7, 0], "radius": 0.6, "tolerance": TOLERANCE}
+    data["objects"].append({"sphere": ball, "material": "grey"})
+    return data
+
+
 def main() -> None:
     options = parser(__doc__)
     options.add_argument("--scene", default=ROOT / "scenes/cornell-box-area.json", help="diffuse meshes and lamps")
@@ -47,9 +61,11 @@ def main() -> None:
     options.add_argument("--spp", type=int, nargs="+", default=[64, 256, 1024], help="samples per pixel (%(default)s)")
     options.add_argument("--errors", type=float, nargs="+", default=[1e-2, 5e-3], help="RMSE in sRGB (%(default)s)")
     options.add_argument("--reference", type=int, default=16384, help="samples of the reference (%(default)s)")
+    options.add_argument("--ball", action="store_true", help="a ball of 100,000 triangles in place of the blocks")
     args = options.parse_args()
     found, size = begin(), (args.size, args.size)
-    scene = rt.load(args.scene)
+    scene = rt.load(with_ball(args.scene) if args.ball else args.scene, root=ROOT)
+    show(f"{len(scene.mesh.faces):,} triangles\n")
     draws: dict[str, Callable[[int, int], Any]] = {
         f"raytrace, {name}": lambda spp, seed, name=name: (
             rt.render(scene, spp=spp, size=size, seed=seed, sampler=name, threads=2).rgb
