@@ -14,7 +14,6 @@ from gltf_files import CORNERS, SQUARE, File
 from raytrace.image.texels import srgb_table
 from raytrace.records import DIFFUSE
 from raytrace.rendering.albedo_layer import albedo_at
-from raytrace.scene.format import keys_of
 from raytrace.texture_records import ATTRIBUTE, BILINEAR, NEAREST
 from scene_files import scene, write
 
@@ -86,8 +85,7 @@ def test_factors_become_diffuse_materials_and_conductors(tmp_path):
         write(tmp_path, scene(materials={"gold": by_hand}, objects=[{"mesh": "cube.obj", "material": "gold"}]))
     )
     np.testing.assert_array_equal(materials.k[3], same.materials.k[0])
-    if "alpha" in keys_of("Conductor"):
-        assert materials.alpha.tolist()[3:] == [0.25, 1.0]
+    assert materials.alpha.tolist()[3:] == [0.25, 1.0]
 
 
 def test_a_part_without_a_material_is_light_grey_on_both_sides(tmp_path):
@@ -195,7 +193,7 @@ def test_the_mean_of_a_texture_decides_whether_it_is_metal(tmp_path):
         assert any("the texture of metallic and roughness (its mean is used)" in text for text in made.warnings) == (
             factor >= 0.5
         )
-        if "alpha" in keys_of("Conductor") and metal:
+        if metal:
             assert made.materials.alpha[1] == pytest.approx(0.1**2)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.records import RawMesh
-from raytrace.scene.format import keys_of, read_material
+from raytrace.scene.format import read_material
 from raytrace.scene.problems import Problem
 from raytrace.texture_records import FileImage, FileMaterial
 
@@ -98,9 +98,7 @@ class SceneFileMaterials:
         self.textured |= isinstance(color, dict)
         data = {"type": "diffuse", "albedo": color, "two_sided": material.two_sided}
         if metallic >= METAL:
-            data = {"type": "conductor", "reflectance": color}
-            if "alpha" in keys_of("Conductor"):
-                data["alpha"] = roughness * roughness
+            data = {"type": "conductor", "reflectance": color, "alpha": float(roughness * roughness)}
         self._materials[name], self._objects[name] = read_material(data), i
         return len(self._materials) - 1
 

@@ -94,12 +94,6 @@ def read_format(data: Any) -> Reading:
     return Reading(None if reader.problems else scene, reader.problems)
 
 
-def keys_of(model: str) -> dict[str, Schema]:
-    """Return the keys of a model of the schema, such as ``Conductor``."""
-    properties: dict[str, Schema] = _schema()["$defs"][model]["properties"]
-    return properties
-
-
 @cache
 def _schema() -> Schema:
     schema: Schema = json.loads(schema_text())
