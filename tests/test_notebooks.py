@@ -17,8 +17,8 @@ ROOT = FOLDER.parents[1]
 COLUMNS = 100  # what a page of the site has room for
 
 
-def test_there_are_eight_notebooks_in_their_order():
-    assert [name[:2] for name in NOTEBOOKS] == [f"0{k}" for k in range(1, 9)]
+def test_there_are_nine_notebooks_in_their_order():
+    assert [name[:2] for name in NOTEBOOKS] == [f"0{k}" for k in range(1, 10)]
     index = (FOLDER / "index.md").read_text("utf-8")
     assert re.findall(r"^(0\d-[\w-]+)$", index, re.MULTILINE) == NOTEBOOKS
 
