@@ -129,6 +129,7 @@ def test_a_pinhole_with_a_box_filter_needs_none_of_it():
     [
         ({"fov": 20, "height": 4}, "exclude each other"),
         ({"height": 4}, "a perspective camera has .fov."),
+        ({"type": "orthographic", "fov": 20, "height": 4}, "exclude each other"),
         ({"type": "orthographic", "fov": 20}, "an orthographic camera has .height."),
         ({"type": "orthographic", "height": 2, "aperture": 0.1}, "an orthographic camera has no lens"),
         ({"fov": 20, "aperture": -1}, "aperture: expected a number >= 0"),
@@ -137,5 +138,6 @@ def test_a_pinhole_with_a_box_filter_needs_none_of_it():
     ],
 )
 def test_wrong_cameras_are_named(camera, text):
-    with pytest.raises(rt.SceneError, match=text):
+    with pytest.raises(rt.SceneError, match=text) as caught:
         scene_of({"position": [0, 0, 0], "look_at": [0, 0, -1], **camera}, [spot(1, 1)])
+    assert len(str(caught.value).splitlines()) == 1

@@ -1,4 +1,4 @@
-"""Textures, environment images, rough surfaces, plastic, lenses: ten scenes against Mitsuba 3, by t-tests.
+"""Textures, environment images, rough surfaces, plastic, lenses: twelve scenes against Mitsuba 3, by t-tests.
 
     python tests/bench/mitsuba_appearance.py              # 10 minutes on two cores; needs mitsuba
 
@@ -80,10 +80,25 @@ def shipped(name: str) -> rt.Scene:
         flat.unlink()
 
 
+def nested() -> rt.Scene:
+    """Rough glass in rough glass, under a lamp; ``ior`` is inside over outside at each surface."""
+    given = boxes(GLASS | {"alpha": 0.15}, {"type": "dielectric", "ior": 1.2, "alpha": 0.4}, max_depth=12)
+    given["lights"] = []
+    given["objects"][2] |= {"scale": [0.3, 0.2, 0.2], "translate": [-0.9, 0.9, 0]}
+    given["materials"]["lamp"] = {"type": "diffuse", "albedo": [0, 0, 0], "emission": [8, 7, 6]}
+    turn = {"axis": [1, 0, 0], "angle": 90}
+    given["objects"].append({"rectangle": {}, "material": "lamp", "rotate": turn, "translate": [0, 3, 0]})
+    return rt.load(given)
+
+
 SCENES = {
     "image, diffuse and mirror": lambda: sky(boxes(GREY, {"type": "mirror", "reflectance": [1, 1, 1]}), (6, 11), 1),
     "image, rough metal and plastic": lambda: sky(boxes(GOLD | {"alpha": 0.2}, GLAZE), (5, 8), 2),
     "image, rough glass": lambda: sky(boxes(GLASS | {"alpha": 0.1}, GLASS | {"alpha": 0.5}), (4, 4), 3),
+    "rough glass in rough glass": nested,
+    "nearly smooth, nearly no glass": lambda: sky(
+        boxes(GLASS | {"ior": 1.01, "alpha": 0.002}, GOLD | {"alpha": 0.002}), (6, 9), 5
+    ),
     "image with a sun": lambda: sky(boxes(GREY, GOLD | {"alpha": 0.3}), (16, 32), 4, (3, 0)),
     "thin lens": lambda: rt.load(boxes(GREY, GLAZE, CAMERA | LENS)),
     "orthographic": lambda: rt.load(boxes(GLASS, GOLD | {"alpha": 0.05}, ORTHOGRAPHIC)),
