@@ -85,6 +85,16 @@ def test_rays_of_a_lens_meet_in_the_plane_in_focus():
     np.testing.assert_allclose(at[1], -3 * pixel * y, atol=1e-12)
 
 
+@pytest.mark.parametrize("focus", [1e18, 1e20, 1e38, 1e39, 1e300])
+def test_a_lens_in_focus_far_away_has_the_directions_of_the_pinhole(focus):
+    camera = Camera(np.zeros(3), np.array([0, 0, -3.0]), np.array([0, 1.0, 0]), 20.0, 0.2, focus)
+    o, d, x, y = rays_of(camera, "box")
+    pixel = 2 * math.tan(math.radians(10)) / 16
+    wanted = np.array([pixel * x, -pixel * y, -np.ones_like(x)], np.float64)
+    np.testing.assert_allclose(d, wanted / np.linalg.norm(wanted, axis=0), atol=1e-6)
+    assert 0.19 < np.linalg.norm(o, axis=0).max() < 0.201
+
+
 @pytest.mark.parametrize(
     ("name", "radius", "variance"), [("box", 0.5, 1 / 12), ("tent", 1.0, 1 / 6), ("gaussian", 2.0, 0.2497)]
 )
