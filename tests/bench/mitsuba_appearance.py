@@ -1,6 +1,6 @@
 """Textures, environment images, rough surfaces, plastic, lenses: twelve scenes against Mitsuba 3, by t-tests.
 
-    python tests/bench/mitsuba_appearance.py              # 10 minutes on two cores; needs mitsuba
+    python tests/bench/mitsuba_appearance.py              # 3 minutes on two cores; needs mitsuba
 
 Both render independent batches with independent samples. Set DRJIT_LIBLLVM_PATH to a libLLVM. Rows of Mitsuba's
 environment images lie at v = j / (h - 1), ours at (j + 1/2) / h: Mitsuba gets 2 h + 1 rows, which have the same
@@ -29,7 +29,7 @@ GREY = {"type": "diffuse", "albedo": [0.5, 0.5, 0.4]}
 SKY = {"type": "environment", "radiance": [0.5, 0.6, 0.8]}
 TURN = {"axis": [1, 2, -0.5], "angle": 70}
 CAMERA = {"position": [0, 2.2, 7], "look_at": [0, 0.7, 0], "fov": 30}
-LENS = {"aperture": 0.3, "focus": 5.0}
+LENS = {"aperture": 1.0, "focus": 5.0}
 ORTHOGRAPHIC = {"type": "orthographic", "position": [3, 2.2, 7], "look_at": [0, 0.7, 0], "height": 3.7}
 
 
@@ -127,8 +127,8 @@ def main() -> int:
             rt.render(scene, spp=args.spp, size=size, seed=s, sampler="independent").rgb for s in range(args.batches)
         ]
         row = verdict(np.array(ours, np.float64), theirs)
-        rows.append({"scene": name, **row, "holds": bool(row["p"] > level)})
-    show(f"Means of images are tested at level {level:.2g}")
+        rows.append({"scene": name, **row, "holds": bool(min(row["p"], row["least p of a pixel"]) > level)})
+    show(f"Each test at level {level:.2g}; least p of a pixel after Sidak, over all pixels and channels")
     table(
         ["scene", "difference", "its error", "p", "least p of a pixel", "pixels with p < 1 %", ""],
         (
