@@ -14,3 +14,4 @@ MAX_TRIANGLES = 2**28  # of a scene: 60 GB of trees and tables
 MAX_SCENE = 2**24  # bytes of a scene file: JSON takes 30 times as much memory
 MAX_MESH = 2**30  # bytes of a mesh file, decompressed: about 10 million triangles of OBJ, 50 million of binary PLY
 MAX_TEXELS = 2**28  # of all textures of a scene: their values are numbered by int32
+MAX_RADIANCE = 1e36  # of an environment image, W / (sr m2): sums and products with it stay within float32

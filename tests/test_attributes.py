@@ -469,7 +469,7 @@ def test_a_mesh_that_two_materials_share_is_read_once_with_what_both_need(tmp_pa
         ),
         (
             {"mesh": "quad.obj", "material": "baked"},
-            'objects[0].mesh: quad.obj: no vertex colours, which the material "baked" needs; export the mesh with them',
+            'objects[0].mesh: quad.obj: no vertex colours, which the material "baked" needs; use a mesh that has them',
         ),
         (
             {"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "baked"},

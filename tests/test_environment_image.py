@@ -264,6 +264,18 @@ def test_wrong_environments_are_named(write, tmp_path, light, text):
         load(data, tmp_path)
 
 
+@pytest.mark.parametrize("light", [{"scale": 4e36}, {"scale": 1e308}])
+def test_radiance_near_the_end_of_float32_is_refused(write, light):
+    with pytest.raises(SceneError, match=r"sky.*: with scale \S+ its radiance is up to \S+; at most 1e\+36"):
+        write(np.full((2, 4, 3), 0.5), **light)
+
+
+def test_an_unknown_key_of_an_environment_is_one_problem(write):
+    with pytest.raises(SceneError, match=r"unknown key .encoding.") as caught:
+        write(np.full((2, 4, 3), 0.5), encoding="srgb")
+    assert len(str(caught.value).splitlines()) == 1
+
+
 def test_negative_radiance_is_counted(write):
     texels = np.full((2, 4, 3), 0.5)
     texels[0, :3, 1] = -1

@@ -40,6 +40,17 @@ def test_a_changed_scene_has_another_hash(name):
     assert replace(changed, **{name: getattr(scene, name)}).sha256 == before
 
 
+def test_lens_and_filter_are_part_of_the_hash():
+    scene = studio()
+    kinds = [("aperture", 0.1), ("focus", 7.0), ("height", 2.0), ("height", 3.0)]
+    cameras = [scene.camera, *(scene.camera._replace(aperture=0.2, **{key: value}) for key, value in kinds[1:])]
+    cameras += [scene.camera._replace(**{key: value}) for key, value in (kinds[0], *kinds[2:])]
+    hashes = [replace(scene, camera=camera).sha256 for camera in cameras]
+    hashes += [replace(scene, settings=scene.settings._replace(filter=name)).sha256 for name in ("tent", "gaussian")]
+    assert len(set(hashes)) == len(hashes)
+    assert replace(scene, camera=scene.camera._replace(focus=7.0)).sha256 == scene.sha256  # a pinhole
+
+
 @pytest.mark.parametrize("name", KEEPS)
 def test_what_the_light_does_not_feel_changes_no_hash(name):
     scene = studio()

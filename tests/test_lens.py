@@ -85,6 +85,16 @@ def test_rays_of_a_lens_meet_in_the_plane_in_focus():
     np.testing.assert_allclose(at[1], -3 * pixel * y, atol=1e-12)
 
 
+@pytest.mark.parametrize("focus", [1e18, 1e20, 1e38, 1e39, 1e300])
+def test_a_lens_in_focus_far_away_has_the_directions_of_the_pinhole(focus):
+    camera = Camera(np.zeros(3), np.array([0, 0, -3.0]), np.array([0, 1.0, 0]), 20.0, 0.2, focus)
+    o, d, x, y = rays_of(camera, "box")
+    pixel = 2 * math.tan(math.radians(10)) / 16
+    wanted = np.array([pixel * x, -pixel * y, -np.ones_like(x)], np.float64)
+    np.testing.assert_allclose(d, wanted / np.linalg.norm(wanted, axis=0), atol=1e-6)
+    assert 0.19 < np.linalg.norm(o, axis=0).max() < 0.201
+
+
 @pytest.mark.parametrize(
     ("name", "radius", "variance"), [("box", 0.5, 1 / 12), ("tent", 1.0, 1 / 6), ("gaussian", 2.0, 0.2497)]
 )
@@ -129,6 +139,7 @@ def test_a_pinhole_with_a_box_filter_needs_none_of_it():
     [
         ({"fov": 20, "height": 4}, "exclude each other"),
         ({"height": 4}, "a perspective camera has .fov."),
+        ({"type": "orthographic", "fov": 20, "height": 4}, "exclude each other"),
         ({"type": "orthographic", "fov": 20}, "an orthographic camera has .height."),
         ({"type": "orthographic", "height": 2, "aperture": 0.1}, "an orthographic camera has no lens"),
         ({"fov": 20, "aperture": -1}, "aperture: expected a number >= 0"),
@@ -137,5 +148,6 @@ def test_a_pinhole_with_a_box_filter_needs_none_of_it():
     ],
 )
 def test_wrong_cameras_are_named(camera, text):
-    with pytest.raises(rt.SceneError, match=text):
+    with pytest.raises(rt.SceneError, match=text) as caught:
         scene_of({"position": [0, 0, 0], "look_at": [0, 0, -1], **camera}, [spot(1, 1)])
+    assert len(str(caught.value).splitlines()) == 1

@@ -110,3 +110,28 @@ def test_all_lights_and_real_glass_can_be_changed():
     drawn = rt.render(scene)
     np.testing.assert_array_equal(drawn.rgb, rt.render(file).rgb)
     np.testing.assert_allclose(rt.render(prepared.scene).rgb.mean(), 2 * drawn.rgb.mean(), rtol=0.1)
+
+
+def appearance(ior=1.5, scale=1.0, distance=1.0, **camera):
+    """An environment image, rough glass and plastic."""
+    content = copy.deepcopy(ALL_LIGHTS)
+    content["camera"] |= {"position": [0, distance, 4 * distance]} | camera
+    if "height" in camera:
+        del content["camera"]["fov"]
+    content["lights"] = [{"type": "environment", "image": "scenes/textures/sky.png", "scale": scale}]
+    content["materials"] |= {"glass": {"type": "dielectric", "ior": ior, "alpha": 0.2}}
+    content["materials"]["lamp"] = {"type": "plastic", "albedo": [0.5, 0.2, 0.1], "ior": ior}
+    return rt.load(content)
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_environment_images_rough_glass_plastic_and_lenses_can_be_changed(orthographic):
+    def made(distance, **values):
+        camera = {"type": "orthographic", "height": 3 * distance} if orthographic else {"aperture": 0.2}
+        return appearance(distance=distance, **values, **camera)
+
+    prepared = prepare_scene(made(1.0))
+    assert indices_of_refraction(prepared.scene) == {"lamp": 1.5, "glass": 1.5}
+    edits = SceneEdits(power=0.5, ior={"glass": 1.25, "lamp": 1.25}, distance=0.5, spp=2)
+    scene, file = edited(prepared, edits), made(0.5, ior=1.25, scale=0.5)
+    np.testing.assert_allclose(rt.render(scene).rgb, rt.render(file).rgb, rtol=1e-3)

@@ -165,7 +165,7 @@ WRONG = [
     (".jpg", jpeg_of(6, 4)[:-20], "not a valid JPEG image: "),
     (".jpg", SCANS, "more than 100 scans"),
     (".jpg", ink(), "its colours are CMYK; convert it to RGB"),
-    (".exr", b"hello", "not a valid EXR image: "),
+    (".exr", b"hello", "not a valid EXR image: its header is broken or truncated"),
     (".exr", images.exr("Y"), "no colour: an EXR has channels R, G and B"),
     (".exr", images.odd_exrs()["shifted.exr"], "is not its display window"),
 ]
@@ -202,6 +202,14 @@ def test_values_out_of_range_are_counted(tmp_path, monkeypatch):
     ):
         load(tmp_path, {"image": "a.exr"})
     with pytest.raises(rt.SceneError, match=r"1 of 16 texels are negative or not finite; the values are -1 to 1\.75"):
+        load(tmp_path, {"image": "a.exr"}, "emission")
+    rgb[0, 1, 0] = np.nan
+    (tmp_path / "a.exr").write_bytes(twins.exr(rgb))
+    with pytest.raises(rt.SceneError, match=r"2 of 16 texels .*; the values without NaN are -1 to 0\.5"):
+        load(tmp_path, {"image": "a.exr"}, "emission")
+    rgb[:] = np.nan
+    (tmp_path / "a.exr").write_bytes(twins.exr(rgb))
+    with pytest.raises(rt.SceneError, match="16 of 16 texels are negative or not finite, all NaN"):
         load(tmp_path, {"image": "a.exr"}, "emission")
     rgb[:] = np.inf
     (tmp_path / "a.exr").write_bytes(twins.exr(rgb))

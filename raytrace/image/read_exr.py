@@ -46,7 +46,10 @@ def _planes(data: bytes, max_memory: int | None = None) -> tuple[dict[str, NDArr
     """Channels by name, and the header."""
     import OpenEXR
 
-    headers = [part.header for part in OpenEXR.File(io.BytesIO(data), header_only=True).parts]
+    try:
+        headers = [part.header for part in OpenEXR.File(io.BytesIO(data), header_only=True).parts]
+    except RuntimeError as error:  # its reason names a file that the library makes up
+        raise ValueError("its header is broken or truncated") from error
     for header in headers:
         low, high = _corners(header["dataWindow"])
         pixels, size = int(np.prod(np.maximum(high - low + 1, 0))), VALUE_BYTES * len(header["channels"])

@@ -35,7 +35,9 @@ class Lens(NamedTuple):
 
     across: NDArray[np.floating]  # (3,) f, world units: from the centre of the lens to its right rim
     down: NDArray[np.floating]  # (3,) f, world units: to its lower rim
-    numbers: NDArray[np.floating]  # (3,) f: distance in focus, world units; 1 where orthographic; 1 with a lens
+    numbers: NDArray[
+        np.floating
+    ]  # (4,) f: distance in focus times a factor; 1 where orthographic; 1 with a lens; the factor
     offsets: NDArray[np.floating]  # (STEPS + 2,) f, pixels: quantiles of the Gaussian; or (2,): of a box or a tent
     filter: NDArray[np.int32]  # (1,) i4: BOX, TENT or GAUSSIAN
 
@@ -49,7 +51,9 @@ def make_lens(camera: Camera, name: str, dtype: Any) -> Lens:
     """Make the lens of a camera, and the filter of its film."""
     view = make_view(camera, (1, 1), np.dtype(np.float64))
     rims = [camera.aperture * axis / np.linalg.norm(axis) for axis in (view.right, view.down)]
-    numbers = camera.focus, camera.height is not None, camera.aperture > 0
+    _, exponent = np.frexp(max(camera.focus, camera.aperture))
+    small = np.ldexp(1.0, -int(exponent))  # a power of two: squares of directions neither overflow nor change a bit
+    numbers = camera.focus * small, camera.height is not None, camera.aperture > 0, small
     offsets = gaussian_quantiles() if name == "gaussian" else np.zeros(2)
     return Lens(
         *(np.asarray(values, dtype) for values in (*rims, numbers, offsets)),
@@ -121,8 +125,8 @@ def lens_ray(view, lens, x, y, u, v):
         a, b, _ = disc(u, v)
         across, below = lens.across, lens.down
         shift = a * across[0] + b * below[0], a * across[1] + b * below[1], a * across[2] + b * below[2]
-        d = scaled(d, lens.numbers[0])
-        d = d[0] - shift[0], d[1] - shift[1], d[2] - shift[2]
+        d, back = scaled(d, lens.numbers[0]), scaled(shift, lens.numbers[3])
+        d = d[0] - back[0], d[1] - back[1], d[2] - back[2]
     return (shift[0] + origin[0], shift[1] + origin[1], shift[2] + origin[2]), unit(d)
 
 

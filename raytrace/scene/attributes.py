@@ -14,7 +14,7 @@ Wanted = frozenset[str]  # {UV, COLOR} or a part of it, or {MATERIAL}: what is r
 NOTHING = Wanted()
 WORDS = {  # attribute -> its name, and what to do where it is missing
     UV: ("texture coordinates (uv)", "export the mesh with them, or use a material without image and checkerboard"),
-    COLOR: ("vertex colours", "export the mesh with them, or use a material without attribute"),
+    COLOR: ("vertex colours", "use a mesh that has them, or a material without attribute"),
 }
 NEEDS = {"image": "uv", "checkerboard": "uv", "attribute": "color"}  # key of a texture -> what it looks up
 

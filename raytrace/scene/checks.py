@@ -72,13 +72,14 @@ def _check_projection(camera: Any) -> Iterator[Problem]:
     if not isinstance(camera, dict):
         return
     kind = camera.get("type", "perspective")
-    if kind == "perspective" and "height" in camera:
+    both = "fov" in camera and "height" in camera  # one problem, which the format reports
+    if kind == "perspective" and "height" in camera and not both:
         yield Problem(
             ("camera", "height"), 'a perspective camera has "fov"; or set "type": "orthographic"', at_key=True
         )
     if kind == "orthographic":
         for key, why in (("fov", '"height"'), ("aperture", "no lens"), ("focus", "no lens")):
-            if key in camera:
+            if key in camera and not (key == "fov" and both):
                 yield Problem(("camera", key), f"an orthographic camera has {why}; remove this key", at_key=True)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from raytrace.errors import SceneError
 from raytrace.image.texels import read_texels
-from raytrace.limits import MAX_TEXELS
+from raytrace.limits import MAX_RADIANCE, MAX_TEXELS
 from raytrace.scene.files import Reach, locate_image
 from raytrace.scene.textures import check_values, image_texture, is_srgb
 from raytrace.scene.transforms import rotation
@@ -35,6 +35,10 @@ def read_environment(light: Any, reach: Reach) -> EnvironmentImage:
     if codes.size // 3 > MAX_TEXELS:
         raise SceneError([f"{light.image}: {codes.size // 3:,} texels; at most {MAX_TEXELS:,}"])
     check_values(codes, True, f"{light.image}: ", "texels")
+    brightest = light.scale * (float(codes.max()) if codes.dtype.kind == "f" else 1.0)
+    if brightest > MAX_RADIANCE:
+        text = f"with scale {light.scale:g} its radiance is up to {brightest:.3g}; at most {MAX_RADIANCE:g}"
+        raise SceneError([f"{light.image}: {text}"])
     turn = np.eye(3)
     for each in light.rotate:
         turn = rotation(each.axis, each.angle) @ turn

@@ -12,10 +12,16 @@ LEFT_OUT = "Materials.name", "Mesh.object_id"
 
 
 def fingerprint(scene: "Scene") -> str:
-    """Return the SHA-256 of camera, depth, background, materials, textures, lights and meshes, hexadecimal."""
+    """Return the SHA-256 of camera, filter, depth, background, materials, textures, lights and meshes, hexadecimal."""
     camera, digest = scene.camera, hashlib.sha256()
     content = {"fov": camera.fov, "max_depth": scene.settings.max_depth, "background": scene.background}
     content |= {"position": camera.position, "look_at": camera.look_at, "up": camera.up}
+    if camera.aperture > 0:
+        content |= {"aperture": camera.aperture, "focus": camera.focus}
+    if camera.height is not None:
+        content["height"] = camera.height
+    if scene.settings.filter != "box":
+        content["filter"] = np.frombuffer(scene.settings.filter.encode(), np.uint8)
     if scene.settings.integrator != "direct":
         content["integrator"] = np.frombuffer(scene.settings.integrator.encode(), np.uint8)
     others = [record for record in (scene.lights.spots, scene.lights.directions) if record is not None]

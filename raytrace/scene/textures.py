@@ -188,10 +188,10 @@ def check_values(colours: NDArray[Any], emits: bool, name: str, noun: str) -> No
     wrong = int(np.count_nonzero(~inside.all(axis=-1)))
     if wrong:
         allowed = "negative or not finite" if emits else "outside 0 to 1"
-        low, high = colours.min(), colours.max()
-        raise ValueError(
-            f"{name}{wrong:,} of {colours.size // 3:,} {noun} are {allowed}; the values are {low:.6g} to {high:.6g}"
-        )
+        numbers = colours[~np.isnan(colours)]
+        some = " without NaN" if numbers.size < colours.size else ""
+        found = f"; the values{some} are {numbers.min():.6g} to {numbers.max():.6g}" if numbers.size else ", all NaN"
+        raise ValueError(f"{name}{wrong:,} of {colours.size // 3:,} {noun} are {allowed}{found}")
 
 
 def finish_textures(textures: Textures, materials: dict[str, Any], mesh: Mesh) -> tuple[Textures, list[Problem]]:

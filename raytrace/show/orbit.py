@@ -18,7 +18,7 @@ def orbited(camera: Camera, azimuth: float, elevation: float, distance: float) -
     elevation : float, degrees
         Rotation towards the up vector, limited to `POLE`.
     distance : float
-        Factor for the distance to the point.
+        Factor for the distance to the point; also for that of the plane in focus, and for an orthographic height.
 
     Examples
     --------
@@ -35,7 +35,8 @@ def orbited(camera: Camera, azimuth: float, elevation: float, distance: float) -
     turn, tilt = np.radians(azimuth), np.radians(_height(camera) + np.clip(elevation, *elevation_limits(camera)))
     level = np.cos(turn) * level + np.sin(turn) * np.cross(up, level)
     offset = distance * radius * (np.cos(tilt) * level + np.sin(tilt) * up)
-    return camera._replace(position=camera.look_at + offset)
+    height = None if camera.height is None else distance * camera.height
+    return camera._replace(position=camera.look_at + offset, focus=distance * camera.focus, height=height)
 
 
 def elevation_limits(camera: Camera) -> tuple[float, float]:

@@ -7,10 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.records import DIELECTRIC, REFRACTIVE, Lights, Scene
+from raytrace.records import DIELECTRIC, PLASTIC, REFRACTIVE, ROUGH_DIELECTRIC, Lights, Scene
 from raytrace.rendering.compiled_scene import recompiled, set_compiled
 from raytrace.show.orbit import orbited
 from raytrace.show.prepared_scene import PreparedScene
+
+INDEXED = REFRACTIVE, DIELECTRIC, ROUGH_DIELECTRIC, PLASTIC  # materials with one index of refraction
 
 
 class SceneEdits(NamedTuple):
@@ -27,7 +29,7 @@ class SceneEdits(NamedTuple):
 def indices_of_refraction(scene: Scene) -> dict[str, float]:
     """Index of refraction of each material that has one, by name."""
     materials = scene.materials
-    rows = np.flatnonzero((materials.kind == REFRACTIVE) | (materials.kind == DIELECTRIC))
+    rows = np.flatnonzero(np.isin(materials.kind, INDEXED))
     return {materials.name[row]: float(materials.ior[row]) for row in rows}
 
 
@@ -71,10 +73,11 @@ def _brighter_lamps(scene: Scene, power: float) -> NDArray[np.float64] | None:
 
 def _brighter(lights: Lights, power: float) -> Lights:
     """Lights of this power, relative to theirs."""
-    spots, directions = lights.spots, lights.directions
+    spots, directions, image = lights.spots, lights.directions, lights.image
     return lights._replace(
         flux=lights.flux * power,
         spots=None if spots is None else spots._replace(intensity=spots.intensity * power),
         directions=None if directions is None else directions._replace(irradiance=directions.irradiance * power),
         environment=None if lights.environment is None else lights.environment * power,
+        image=None if image is None else image._replace(scale=image.scale * power),
     )
