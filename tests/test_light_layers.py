@@ -188,7 +188,7 @@ def test_they_are_there_only_if_asked_for_and_all_three_if_one_is(scene, image):
         plain.aov["direct"]
     one = rt.render(scene, spp=1, size=(8, 8), aov="indirect")
     assert tuple(one.aov) == LAYERS + LIGHT_LAYERS
-    assert len(one.aov) == 9
+    assert len(one.aov) == len(LAYERS) + 3
     assert list(one.aov.computed) == ["indirect"]
     assert one.aov["emission"].shape == (8, 8, 3)
     assert one.aov["emission"].dtype == np.float32

@@ -45,8 +45,8 @@ def cell_weights(texels: NDArray[Any]) -> NDArray[np.float64]:
 def begins_of(weights: NDArray[np.float64]) -> NDArray[np.uint32]:
     """Where the random numbers of each weight begin, and the end of the last: in proportion, but 1 at least.
 
-    >>> (begins_of(np.array([1.0, 0.0, 3.0, 1e-30])) / 2**32).tolist()[:3]
-    [0.0, 0.25, 0.25]
+    >>> begins_of(np.array([1.0, 0.0, 3.0, 1e-30])).tolist()
+    [0, 1073741823, 1073741823, 4294967294, 4294967295]
     """
     sums = np.cumsum(weights)
     if not sums[-1] > 0:
