@@ -7,12 +7,14 @@ environment images lie at v = j / (h - 1), ours at (j + 1/2) / h: Mitsuba gets 2
 interpolated radiance everywhere. Scenes of this repository lose their smooth normals and get a box filter.
 """
 
+import itertools
 import json
 import sys
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from harness import ROOT, begin, finish, parser, show, table
+from harness import ROOT, begin, finish, interleave, parser, show, table
 from mitsuba_light import peer
 
 sys.path.append(str(ROOT / "tests"))
@@ -22,6 +24,7 @@ import raytrace as rt
 from light_techniques import sidak
 from raytrace.texture_records import BILINEAR, EnvironmentImage, Texture
 
+TIMED_SPP = 16
 GOLD = {"type": "conductor", "metal": "gold"}
 GLASS = {"type": "dielectric", "ior": 1.5}
 GLAZE = {"type": "plastic", "albedo": [0.1, 0.3, 0.7], "ior": 1.5}
@@ -109,13 +112,41 @@ SCENES = {
 }
 
 
+def time_samples(rounds: int) -> None:
+    """Print nanoseconds per sample of three shipped scenes, two threads each, interleaved, and the ratio."""
+    rows = []
+    for name in ("textures.json", "lens.json", "sky-image.json"):
+        scene = shipped(name)
+        width, height = scene.settings.size
+        size, seeds = (width // 2, height // 2), itertools.count()
+        draw, samples = peer(scene, size), width // 2 * (height // 2) * TIMED_SPP
+        calls: dict[str, Callable[[], Any]] = {
+            "ours": lambda scene=scene, size=size, seeds=seeds: rt.render(
+                scene, spp=TIMED_SPP, size=size, seed=next(seeds), threads=2
+            ),
+            "Mitsuba": lambda draw=draw, seeds=seeds: draw(TIMED_SPP, next(seeds)),
+        }
+        for call in calls.values():
+            call()
+        seconds = interleave(calls, rounds)
+        ratios = np.sort(seconds["Mitsuba"] / seconds["ours"])
+        spread = f"{np.median(ratios):.2f} [{ratios[0]:.2f}, {ratios[-1]:.2f}]"
+        rows.append([name, *(float(np.median(times)) / samples * 1e9 for times in seconds.values()), spread])
+    table(["scene", "ours, ns per sample", "Mitsuba", "Mitsuba / ours [least, most]"], rows)
+
+
 def main() -> int:
     """Compare all scenes; 1 if one differs."""
     arguments = parser(__doc__ or "")
     arguments.add_argument("--batches", type=int, default=16, help="independent images of each (%(default)s)")
     arguments.add_argument("--spp", type=int, default=256, help="samples per pixel of a batch (%(default)s)")
     arguments.add_argument("--only", default="", help="scenes whose name contains this text")
+    arguments.add_argument("--time", action="store_true", help="only time per sample, of three scenes")
     args = arguments.parse_args()
+    if args.time:
+        begin()
+        time_samples(args.rounds)
+        return 0
     found, rows, level = begin(), [], sidak(SIGNIFICANCE, len(SCENES))
     for name, make in SCENES.items():
         if args.only not in name:
