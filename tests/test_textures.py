@@ -326,9 +326,16 @@ def test_the_textbook_refuses_textures(folder):
             textbook(scene)
 
 
-def test_the_drawing_of_a_path_refuses_textures(folder):
-    with pytest.raises(rt.OptionError, match=r"rt\.show\.path does not have textures"):
-        rt.show.path(twins.head_on((4, 4), BLACK | {"emission": {"image": "noise.png"}}), (1, 1))
+@pytest.mark.parametrize("integrator", ["direct", "path"])
+def test_the_drawing_of_a_path_is_that_of_the_sample(folder, integrator):
+    """A lamp whose emission is a texture, and a wall whose albedo is one."""
+    image = {"image": "noise.png"}
+    scene = twins.head_on((4, 4), {"type": "diffuse", "albedo": image, "emission": image}, integrator=integrator)
+    rgb = rt.render(scene, spp=1).rgb
+    for x, y in ((1, 1), (3, 2)):
+        steps = rt.show.path(scene, (x, y)).steps
+        np.testing.assert_array_equal(np.float32(steps.radiance), rgb[y, x])
+        assert steps.path[0].weight == pytest.approx(1, rel=1e-6)  # the camera's ray finds the lamp by itself
 
 
 def test_an_image_is_stored_once(folder):

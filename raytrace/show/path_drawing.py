@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.errors import OptionError
 from raytrace.image.files import srgb8
 from raytrace.limits import MAX_SPP
 from raytrace.rendering.rendering import render, within
@@ -90,7 +89,7 @@ def path(
     SceneError, FileError
         As for ``load``.
     OptionError
-        An unknown integrator; a pixel outside the image; a scene with textures.
+        An unknown integrator; a pixel outside the image.
     RaytraceError
         matplotlib isn't installed.
 
@@ -110,8 +109,6 @@ def path(
     ('scatters', 'reaches')
     """
     prepared = prepare_scene(scene, size, integrator)
-    if prepared.scene.textures is not None:
-        raise OptionError("rt.show.path does not have textures; use constant colours, or rt.render")
     column, row = (
         within("pixel", number, 0, side - 1) for number, side in zip(pixel, prepared.settings.size, strict=True)
     )

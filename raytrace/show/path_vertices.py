@@ -5,10 +5,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.accel.lanes import PACKET
+from raytrace.accel.lanes import PACKET, packet_width
 from raytrace.passes import environment, lights, paths
 from raytrace.passes.path_records import Paths
 from raytrace.passes.sampling import make_sampler
+from raytrace.passes.textures import varied
 from raytrace.records import DIELECTRIC, DIFFUSE, REFRACTIVE, SCATTERING, Columns
 from raytrace.rendering.compiled_scene import paths_of
 from raytrace.rendering.path_scene import PathScene
@@ -125,7 +126,7 @@ def _step(prepared: PreparedScene, scene: PathScene, k: int, met: list[_Vertex])
     onward = None if following is None else following.ray.d
     step = describe(prepared, vertex.ray, onward)
     step = step._replace(throughput=vertex.throughput, pdf=vertex.pdf)
-    radiance = _radiance_met(scene, step)
+    radiance = _radiance_met(scene, step, vertex.ray)
     if vertex.added.any():
         channel = int(np.argmax(radiance * vertex.throughput))
         weight = vertex.added[channel] / (radiance * vertex.throughput)[channel]
@@ -136,16 +137,30 @@ def _step(prepared: PreparedScene, scene: PathScene, k: int, met: list[_Vertex])
     return step if step.prim_id < 0 else step._replace(event=_event(scene, k, vertex, step))
 
 
-def _radiance_met(scene: PathScene, step: Step) -> NDArray[np.floating]:
+def _radiance_met(scene: PathScene, step: Step, ray: TracedRay) -> NDArray[np.floating]:
     """Radiance of what a ray meets: a lamp's, the environment's or the background's."""
     if step.prim_id >= 0:
-        return scene.surfaces.emission.reshape(-1, 3)[scene.shading.material_id[step.prim_id]]
+        return _emission(scene, ray)
     if scene.image is not None:
         colour, _ = environment.seen(scene.image, tuple(step.d[:, None].astype(scene.image.texels.dtype)))
         return np.array(colour)[:, 0]
     if scene.environment is not None:
         return scene.environment[:3]
     return BLACK if scene.background is None else scene.background
+
+
+def _emission(scene: PathScene, ray: TracedRay) -> NDArray[np.floating]:
+    """Radiance of the surface that a ray meets."""
+    row = scene.shading.material_id[ray.prim_id]
+    constant = scene.surfaces.emission.reshape(-1, 3)[row]
+    if scene.lamp_textures is None:
+        return constant
+    dtype, lanes = constant.dtype, packet_width(constant)  # as a packet of equal lanes
+    point = np.full(lanes, ray.prim_id, np.int32), np.full(lanes, ray.u, dtype), np.full(lanes, ray.v, dtype)
+    values = tuple(np.full(lanes, value, dtype) for value in constant)
+    textures = scene.lamp_textures
+    colour = varied(textures, textures.emission, np.full(lanes, row, np.int32), point, values)
+    return np.array(colour)[:, 0]
 
 
 def _event(scene: PathScene, k: int, vertex: _Vertex, step: Step) -> str:
