@@ -242,7 +242,7 @@ def read_ply(data: bytes, wanted: Wanted = NOTHING) -> RawMesh | None:
 
 
 def _in_range(faces: Integers, vertices: Array) -> bool:
-    """Return whether all vertices of the faces exist; what does not is reported by whoever reads the mesh."""
+    """Return whether all vertices of the faces exist; the reader of the mesh reports what does not."""
     return bool(faces.min() >= 0 and faces.max() < len(vertices))
 
 
