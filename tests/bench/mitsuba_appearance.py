@@ -14,14 +14,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from harness import ROOT, begin, finish, interleave, parser, show, table
+from harness import ROOT, begin, interleave, parser, table
 from mitsuba_light import peer
 
 sys.path.append(str(ROOT / "tests"))
-from mitsuba_scenes import SIGNIFICANCE, verdict
+from mitsuba_scenes import compare_scenes
 
 import raytrace as rt
-from light_techniques import sidak
 from raytrace.texture_records import BILINEAR, EnvironmentImage, Texture
 
 TIMED_SPP = 16
@@ -147,29 +146,7 @@ def main() -> int:
         begin()
         time_samples(args.rounds)
         return 0
-    found, rows, level = begin(), [], sidak(SIGNIFICANCE, len(SCENES))
-    for name, make in SCENES.items():
-        if args.only not in name:
-            continue
-        scene, size = make(), (24, 16)
-        render = peer(scene, size)
-        theirs = np.array([render(args.spp, 1000 + seed) for seed in range(args.batches)])
-        ours = [
-            rt.render(scene, spp=args.spp, size=size, seed=s, sampler="independent").rgb for s in range(args.batches)
-        ]
-        row = verdict(np.array(ours, np.float64), theirs)
-        rows.append({"scene": name, **row, "holds": bool(min(row["p"], row["least p of a pixel"]) > level)})
-    show(f"Each test at level {level:.2g}; least p of a pixel after Sidak, over all pixels and channels")
-    table(
-        ["scene", "difference", "its error", "p", "least p of a pixel", "pixels with p < 1 %", ""],
-        (
-            [row["scene"], f"{row['difference']:+.3%}", f"{row['error']:.3%}", row["p"], row["least p of a pixel"]]
-            + [f"{row['pixels at 1 %']:.1%}", "" if row["holds"] else "DIFFERS"]
-            for row in rows
-        ),
-    )
-    finish(args, found, rows)
-    return 0 if all(row["holds"] for row in rows) else 1
+    return compare_scenes(args, SCENES, (24, 16))
 
 
 if __name__ == "__main__":

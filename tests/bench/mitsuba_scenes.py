@@ -4,6 +4,7 @@ Both render independent batches with independent samples. Set DRJIT_LIBLLVM_PATH
 """
 
 import sys
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -110,15 +111,19 @@ def main() -> int:
     arguments.add_argument("--spp", type=int, default=256, help="samples per pixel of a batch (%(default)s)")
     arguments.add_argument("--only", default="", help="scenes whose name contains this text")
     args = arguments.parse_args()
-    found, rows, level = begin(), [], sidak(SIGNIFICANCE, len(SCENES))
-    for name, make in SCENES.items():
+    return compare_scenes(args, {name: lambda make=make: rt.load(make()) for name, make in SCENES.items()}, SIZE)
+
+
+def compare_scenes(args: Any, scenes: dict[str, Callable[[], rt.Scene]], size: tuple[int, int]) -> int:
+    """Compare scenes with Mitsuba, and print a table; 1 if one differs."""
+    found, rows, level = begin(), [], sidak(SIGNIFICANCE, len(scenes))
+    for name, make in scenes.items():
         if args.only not in name:
             continue
-        loaded = rt.load(make())
-        render = peer(loaded, SIZE)
-        seeds = range(args.batches)
+        scene, seeds = make(), range(args.batches)
+        render = peer(scene, size)
         theirs = np.array([render(args.spp, 1000 + seed) for seed in seeds])
-        ours = [rt.render(loaded, spp=args.spp, size=SIZE, seed=s, sampler="independent").rgb for s in seeds]
+        ours = [rt.render(scene, spp=args.spp, size=size, seed=s, sampler="independent").rgb for s in seeds]
         row = verdict(np.array(ours, np.float64), theirs)
         rows.append({"scene": name, **row, "holds": bool(min(row["p"], row["least p of a pixel"]) > level)})
     show(f"Each test at level {level:.2g}; least p of a pixel after Sidak, over all pixels and channels")
