@@ -9,6 +9,7 @@ import raytrace as rt
 from raytrace.passes import lens
 from raytrace.passes.camera import make_view
 from raytrace.records import Camera
+from raytrace.scene.path_plan import needs_lens
 
 FORMAT = {
     "materials": {
@@ -131,7 +132,7 @@ def test_a_filter_blurs_an_edge_as_its_distribution():
 def test_a_pinhole_with_a_box_filter_needs_none_of_it():
     camera = {"position": [0, 0, 0], "look_at": [0, 0, -1], "fov": 20}
     plain = scene_of(camera, [{"rectangle": {}, "translate": [0, 0, -1], "material": "black"}])
-    assert not lens.needs_lens(plain.camera, plain.settings.filter)
+    assert not needs_lens(plain)
 
 
 @pytest.mark.parametrize(

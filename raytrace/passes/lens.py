@@ -42,11 +42,6 @@ class Lens(NamedTuple):
     filter: NDArray[np.int32]  # (1,) i4: BOX, TENT or GAUSSIAN
 
 
-def needs_lens(camera: Camera, name: str) -> bool:
-    """Whether rays need more than a pinhole and a box filter."""
-    return camera.aperture > 0 or camera.height is not None or name != "box"
-
-
 def make_lens(camera: Camera, name: str, dtype: Any) -> Lens:
     """Make the lens of a camera, and the filter of its film."""
     view = make_view(camera, (1, 1), np.dtype(np.float64))

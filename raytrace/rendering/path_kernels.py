@@ -11,7 +11,7 @@ from raytrace.accel.lanes import PACKET
 from raytrace.passes import compaction, environment, lights, materials, paths, textures
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.film import make_film, make_frame
-from raytrace.passes.lens import lens_rays, needs_lens
+from raytrace.passes.lens import lens_rays
 from raytrace.passes.light_layers import accumulate_layers, develop_layers, mark_first, split
 from raytrace.records import (
     CONDUCTOR,
@@ -27,7 +27,7 @@ from raytrace.records import (
 )
 from raytrace.rendering.layered_wavefront import LayeredWavefront
 from raytrace.rendering.path_wavefront import PathWavefront
-from raytrace.scene.path_plan import NAMES
+from raytrace.scene.path_plan import NAMES, needs_lens
 from raytrace.texture_records import ATTRIBUTE, BILINEAR, CHECKERBOARD, EnvironmentImage, Texture, Textures
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]  # a kernel and its arguments
@@ -77,7 +77,7 @@ def path_needs_of(scene: Scene, integrator: str, light: bool = False) -> PathNee
         light,
         _texture_needs(scene),
         scene.lights.image is not None,
-        needs_lens(scene.camera, scene.settings.filter),
+        needs_lens(scene),
     )
 
 

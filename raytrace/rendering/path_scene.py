@@ -7,12 +7,13 @@ from numpy.typing import NDArray
 
 from raytrace.accel.bvh import BVH
 from raytrace.passes import lights
-from raytrace.passes.lens import Lens, make_lens, needs_lens
+from raytrace.passes.lens import Lens, make_lens
 from raytrace.passes.path_records import EnvironmentTable, LightTable, Surfaces, TextureTable
 from raytrace.records import CONDUCTOR, PLASTIC, ROUGH_CONDUCTOR, ROUGH_DIELECTRIC, SCATTERING, Scene, Shading
 from raytrace.rendering.environment_table import make_environment_table
 from raytrace.rendering.light_table import make_light_table
 from raytrace.rendering.texture_table import make_texture_table
+from raytrace.scene.path_plan import needs_lens
 
 
 class PathScene(NamedTuple):
@@ -89,9 +90,7 @@ def make_path_scene(scene: Scene, bvh: BVH, integrator: str) -> PathScene:
         environment,
         image,
         scene.background.astype(dtype) if scene.background.any() else None,
-        make_lens(scene.camera, scene.settings.filter, dtype)
-        if needs_lens(scene.camera, scene.settings.filter)
-        else None,
+        make_lens(scene.camera, scene.settings.filter, dtype) if needs_lens(scene) else None,
         textures if textures is not None and (textures.reflectance >= 0).any() else None,
         textures if textures is not None and (textures.emission >= 0).any() else None,
     )

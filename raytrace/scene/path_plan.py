@@ -38,9 +38,13 @@ def needs_paths(scene: Scene, integrator: str) -> bool:
     others = (scene.materials.emission, lights.spots, lights.directions, lights.environment, scene.textures)
     kinds = scene.materials.kind[_used(scene)]
     simple = bool(((kinds == DIFFUSE) | (kinds == REFRACTIVE)).all())
+    return integrator == "path" or needs_lens(scene) or not simple or any(other is not None for other in others)
+
+
+def needs_lens(scene: Scene) -> bool:
+    """Whether rays need more than a pinhole and a box filter."""
     camera = scene.camera
-    lens = camera.aperture > 0 or camera.height is not None or scene.settings.filter != "box"
-    return integrator == "path" or lens or not simple or any(other is not None for other in others)
+    return camera.aperture > 0 or camera.height is not None or scene.settings.filter != "box"
 
 
 def _used(scene: Scene) -> NDArray[np.intp]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from raytrace.errors import OptionError
 from raytrace.records import REFRACTIVE, Hits, Scene
 from raytrace.scene.load import load
+from raytrace.scene.path_plan import needs_lens
 from raytrace.textbook.camera import pinhole_rays, stratified
 from raytrace.textbook.path import path_trace
 from raytrace.textbook.shading import Point, direct_light, pass_interface, surface_at
@@ -39,7 +40,7 @@ def integrate(scene: Scene, tree: Tree, blockers: Tree | None, o: F8, d: F8) -> 
     """
     if scene.textures is not None:
         raise OptionError("raytrace.textbook does not have textures; use raytrace.render")
-    if scene.camera.aperture > 0 or scene.camera.height is not None or scene.settings.filter != "box":
+    if needs_lens(scene):
         raise OptionError("raytrace.textbook has a pinhole and a box filter only; use raytrace.render")
     radiance = np.zeros_like(o)  # stays 0 for a path of max_depth interfaces
     path = np.arange(len(o))  # rows of the active rays in radiance

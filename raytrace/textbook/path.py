@@ -18,6 +18,7 @@ from raytrace.records import (
     Hits,
     Scene,
 )
+from raytrace.scene.path_plan import needs_lens
 from raytrace.textbook.sampling import cosine_hemisphere, power_heuristic, to_world, uniform_triangle
 from raytrace.textbook.shading import Point, dot, offset_origin, pass_interface, reflect, refract, surface_at
 from raytrace.textbook.tree import Tree, traverse
@@ -137,11 +138,6 @@ def _of(point: Point, rows: NDArray[np.int64]) -> Point:
     return Point(point.p[rows], point.ng[rows], point.ns[rows], point.d[rows], point.material[rows])
 
 
-def has_lens(scene: Scene) -> bool:
-    """Whether rays need more than a pinhole and a box filter."""
-    return scene.camera.aperture > 0 or scene.camera.height is not None or scene.settings.filter != "box"
-
-
 def refuse(scene: Scene) -> None:
     """Refuse, by name, what only the kernels have."""
     kinds = scene.materials.kind[np.unique(scene.mesh.material_id)]
@@ -156,7 +152,7 @@ def refuse(scene: Scene) -> None:
         ),
         "environments": scene.lights.environment is not None,
         "textures": scene.textures is not None,
-        "lenses, orthographic cameras and filters": has_lens(scene),
+        "lenses, orthographic cameras and filters": needs_lens(scene),
     }
     for what, found in lacking.items():
         if found:
