@@ -1,23 +1,19 @@
-"""``BVH``: the public class; it checks its arguments, and runs the queries on several threads."""
+"""``BVH``: the public class: a mesh, its tree, and statistics; its queries about rays are in ``ray_queries``."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from raytrace.accel import reorder
 from raytrace.accel.build import LEAVES, build
-from raytrace.accel.bundle import BUNDLE
 from raytrace.accel.grow import SPLITS
 from raytrace.accel.hit_points import blend, error_scale, gamma
-from raytrace.accel.inputs import MeshLike, check_faces, check_rays, check_vertices, mesh_arrays, one_of, rays_of
-from raytrace.accel.lanes import NODE, PACKET
-from raytrace.accel.layout import aligned
-from raytrace.accel.scratch import ROWS
+from raytrace.accel.inputs import MeshLike, check_faces, check_vertices, mesh_arrays, one_of
+from raytrace.accel.ray_queries import RayQueries
 from raytrace.accel.validate import TreeStats, tree_problems, tree_stats
-from raytrace.parallel import MAX_RANGE, share_out
-from raytrace.records import Hits, Surface, Work
+from raytrace.records import Hits, Surface
 
 
-class BVH:
+class BVH(RayQueries):
     """Bounding volume hierarchy over a triangle mesh: nearest hits and occlusion for batches of rays.
 
     Parameters
@@ -81,94 +77,6 @@ class BVH:
     def __repr__(self) -> str:
         return f"<BVH of {len(self.faces)} triangles, {self.precision}, {self.split}, {self.triangle}>"
 
-    def closest_hit(
-        self,
-        origins: ArrayLike,
-        directions: ArrayLike,
-        tmin: ArrayLike = 0.0,
-        tmax: ArrayLike = np.inf,
-        threads: int | None = None,
-    ) -> Hits:
-        """Return the nearest hit of each ray.
-
-        Parameters
-        ----------
-        origins, directions : (n, 3) array_like, world units
-            Either may be a single row, which all rays share. Directions may have any length.
-        tmin, tmax : float or (n,) array_like, units of the direction
-            Open interval in which a hit counts.
-        threads : int, optional
-            Default: one per core that the process may use.
-
-        Returns
-        -------
-        Hits
-            ``t`` (inf for a miss), ``prim_id`` (-1), ``u``, ``v``: (n,) arrays, p = (1 - u - v) v0 + u v1 + v v2.
-
-        Raises
-        ------
-        ValueError
-            Shapes that do not match.
-
-        Examples
-        --------
-        >>> import raytrace as rt
-        >>> bvh = rt.BVH([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-        >>> bvh.closest_hit([0.25, 0.25, 1], [[0, 0, -1], [0, 0, 1]]).t
-        array([ 1., inf], dtype=float32)
-        """
-        dtype = self.triangles.dtype
-        rays, n = check_rays(origins, directions, tmin, tmax, dtype)
-        size = dtype.itemsize
-        memory = np.empty(n * (3 * size + 4), np.uint8)  # one block, which the allocator can reuse without new pages
-        t, u, v = memory[: 3 * n * size].view(dtype).reshape(3, n)
-        hits = Hits(t, memory[3 * n * size :].view(np.int32), u, v)
-        unused: list[reorder.SortScratch] = []
-
-        def trace(begin: int, end: int) -> None:
-            part = Hits(*(column[begin:end] for column in hits))
-            scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.work())
-            reorder.closest_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, end - begin, scratch)
-            unused.append(scratch)
-
-        share_out(trace, n, threads)
-        return hits
-
-    def any_hit(
-        self,
-        origins: ArrayLike,
-        directions: ArrayLike,
-        tmin: ArrayLike = 0.0,
-        tmax: ArrayLike = np.inf,
-        threads: int | None = None,
-    ) -> NDArray[np.bool_]:
-        """Return whether each ray hits anything; the parameters are those of ``closest_hit``.
-
-        Returns
-        -------
-        (n,) bool array
-
-        Examples
-        --------
-        >>> import raytrace as rt
-        >>> bvh = rt.BVH([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-        >>> bvh.any_hit([0.25, 0.25, 1], [0, 0, -1], tmax=[0.5, 2])
-        array([False,  True])
-        """
-        dtype = self.triangles.dtype
-        rays, n = check_rays(origins, directions, tmin, tmax, dtype)
-        occluded = np.empty(n, np.bool_)
-        unused: list[reorder.SortScratch] = []
-
-        def trace(begin: int, end: int) -> None:
-            part = occluded[begin:end]
-            scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.work())
-            reorder.any_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, end - begin, scratch)
-            unused.append(scratch)
-
-        share_out(trace, n, threads)
-        return occluded
-
     def surface(self, hits: Hits) -> Surface:
         """Return points and normals of hits.
 
@@ -228,15 +136,3 @@ class BVH:
         problems = tree_problems(self.tree, self.triangles)
         if problems:
             raise ValueError("\n".join(problems))
-
-    def work(self) -> Work:
-        """Allocate scratch memory for one thread."""
-        height = (NODE - 1) * self.levels + 2
-        dtype = self.triangles.dtype
-        stack = np.empty(height, dtype), np.empty(height, np.int32), np.empty(height, np.int32)
-        return Work(
-            *stack,
-            aligned((BUNDLE + 1) * ROWS * PACKET, dtype),
-            aligned((BUNDLE + 1) * PACKET, np.dtype(np.int32)),
-            np.zeros(2, np.int64),
-        )
