@@ -85,6 +85,28 @@ def compress(a, i, mask, x):
     a[i : i + np.count_nonzero(mask)] = x[mask]
 
 
+def packed(mask, x):
+    """The lanes of ``x`` where ``mask`` holds, side by side from lane 0 on; the other lanes hold anything."""
+    out = np.zeros_like(x)
+    out[: np.count_nonzero(mask)] = x[mask]
+    return out
+
+
+def least_lane(mask, x):
+    """Number of the lane with the least ``x`` where ``mask`` holds, not counting the last bits, as many as a lane has.
+
+    Negative numbers are not compared in their order. Without any lane it is the last.
+    """
+    kind = np.dtype(f"i{x.itemsize}")
+    keys = x.view(kind) & kind.type(-len(x)) | np.arange(len(x), dtype=kind)
+    return int(np.where(mask, keys, np.iinfo(kind).max).min() & (len(x) - 1))
+
+
+def peek_either(first, a, i, b, j):
+    """Element ``i`` of the flat array ``a`` if ``first`` holds, else element ``j`` of ``b``; without a branch."""
+    return a[i] if first else b[j]
+
+
 def splat(x, like):
     """The scalar ``x`` in every lane of a register like ``like``."""
     return np.full_like(like, x)

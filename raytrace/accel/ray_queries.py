@@ -8,6 +8,7 @@ from raytrace.accel.bundle import BUNDLE
 from raytrace.accel.inputs import check_rays, rays_of
 from raytrace.accel.lanes import NODE, PACKET
 from raytrace.accel.layout import aligned
+from raytrace.accel.pool import make_pool
 from raytrace.accel.scratch import ROWS
 from raytrace.parallel import MAX_RANGE, share_out
 from raytrace.records import Hits, Tree, Work
@@ -119,4 +120,5 @@ class RayQueries:
             aligned((BUNDLE + 1) * ROWS * PACKET, dtype),
             aligned((BUNDLE + 1) * PACKET, np.dtype(np.int32)),
             np.zeros(2, np.int64),
+            make_pool(height, dtype),
         )

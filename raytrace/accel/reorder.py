@@ -33,6 +33,8 @@ from raytrace.records import Columns, Hits, Rays, Tree, Work
 DIGIT = 12  # bits that one pass of the radix sort orders by
 DIRECTION_BITS = 5  # of a key: octant (3) and dominant axis (2)
 MAX_BITS = 8  # of a cell, per axis
+import os
+NOSORT = bool(os.environ.get('NOSORT'))
 SAMPLE = 256  # rays that decide whether a batch is in order already
 
 
@@ -175,7 +177,7 @@ def give_back(values, n, numbers, out):
 
 def closest_hit(tree: Tree, grid: Grid, rays: Rays, hits: Hits, n: int, scratch: SortScratch) -> None:
     """Find the nearest hits of n rays, which are sorted first if that is faster."""
-    if n < SAMPLE or 2 * changes(rays, n, grid, scratch) <= SAMPLE:
+    if NOSORT or n < SAMPLE or 2 * changes(rays, n, grid, scratch) <= SAMPLE:
         query.closest_hit(tree, rays, hits, n, scratch.work)
         return
     numbers, rays = _sorted(rays, n, grid, scratch)
@@ -186,7 +188,7 @@ def closest_hit(tree: Tree, grid: Grid, rays: Rays, hits: Hits, n: int, scratch:
 
 def any_hit(tree: Tree, grid: Grid, rays: Rays, occluded: NDArray[np.bool_], n: int, scratch: SortScratch) -> None:
     """Find which of n rays are occluded; the rays are sorted first if that is faster."""
-    if n < SAMPLE or 2 * changes(rays, n, grid, scratch) <= SAMPLE:
+    if NOSORT or n < SAMPLE or 2 * changes(rays, n, grid, scratch) <= SAMPLE:
         query.any_hit(tree, rays, occluded, n, scratch.work)
         return
     numbers, rays = _sorted(rays, n, grid, scratch)

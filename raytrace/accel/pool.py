@@ -1,0 +1,248 @@
+"""A pool: the rays of a bundle go through the tree each on its own, but in turn, one step at a time.
+
+A step has no branch that depends on the ray: where a ray goes next only decides to which of two queues its number is
+appended, of rays before a node or of rays before a leaf. So the steps of different rays overlap in the processor,
+where a ray that is traced alone would wait for each of its steps. The rays of a pool need share nothing.
+"""
+
+import numpy as np
+
+from raytrace.accel.box import Slabs, make_slabs, slab_test
+from raytrace.accel.bundle import BUNDLE
+from raytrace.accel.lanes import (
+    NODE,
+    PACKET,
+    absolute,
+    bits,
+    count,
+    first_bit,
+    lane_numbers,
+    least_lane,
+    load,
+    machine_epsilon,
+    mask_of,
+    packed,
+    packet,
+    packet_width,
+    peek,
+    peek_either,
+    poke,
+    prefetch,
+    select,
+    splat_int,
+    store,
+)
+from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, NORMAL, PRESENT, PRIM_ID, aligned, integers
+from raytrace.accel.octants import Axes
+from raytrace.accel.scratch import FRAME, HIT_T, HIT_U, HIT_V, ROWS, SLABS, TMIN, read_bundle_rays, write_rows
+from raytrace.accel.single import eight_triangles, planes_of_node
+from raytrace.accel.stack import NOTHING, ROOT
+from raytrace.accel.triangle import RayFrame, intersect
+from raytrace.jit import inlined
+from raytrace.records import Pool, Tree, Work
+
+# Rows of ``Pool.state``; a slot of it has as many rows as one of ``Work.lanes``, so that a ray has one place in both.
+AXES = 0  # 6 rows, the fields of Axes
+NEXT, TOP, BOTTOM, FOUND = 6, 7, 8, 9  # node or leaf to visit; height of the stack; its least height; triangle hit
+
+
+RAYS = BUNDLE * PACKET  # most rays of a pool
+QUEUE = RAYS + 1  # elements of a queue: one more than there are rays, because every ray is written to both
+
+
+def make_pool(height: int, dtype: np.dtype) -> Pool:
+    """Allocate a pool with stacks of that height; a push writes a register, so each has room for one more."""
+    room = height + 1 + NODE
+    child = np.empty(RAYS * room, integers(dtype))
+    child[::room] = NOTHING  # below each stack
+    state = aligned((BUNDLE + 1) * ROWS * PACKET, np.dtype(np.int32))
+    return Pool(aligned(RAYS * room, dtype), child, state, np.empty(2 * QUEUE, np.int32))
+
+
+@inlined
+def own_axes(on_x, on_y, a):
+    """Components of vectors in cyclic order, with the dominant one of each lane last."""
+    return (
+        select(on_x, a[1], select(on_y, a[2], a[0])), select(on_x, a[2], select(on_y, a[0], a[1])),
+        select(on_x, a[0], select(on_y, a[1], a[2])),
+    )  # fmt: skip
+
+
+@inlined
+def either(mask, x, y, like):
+    """The integer x where the mask holds, else y: lanes."""
+    return select(mask, splat_int(np.int32(x), like), splat_int(np.int32(y), like))
+
+
+@inlined
+def enter_pool(tree: Tree, r: int, work: Work) -> int:
+    """Write what each ray of packet r needs on its own; return the bits of the rays that are traced."""
+    like, width = packet(work.lanes), packet_width(work.lanes)
+    o, d, scale, tmin, tmax = read_bundle_rays(work, r, like)
+    ax, ay, az = absolute(d[0]), absolute(d[1]), absolute(d[2])
+    on_x = (ax >= ay) & (ax >= az)
+    on_y = ~on_x & (ay >= az)
+    p, q = own_axes(on_x, on_y, o), own_axes(on_x, on_y, d)
+    write_rows(work, r, FRAME, (p[0], p[1], p[2], q[0], q[1], q[2], -(q[0] / q[2]), -(q[1] / q[2]), scale))
+    write_rows(work, r, SLABS, make_slabs(o, d, machine_epsilon(work.lanes)))
+    room = np.int32(len(work.pool.t) // RAYS)
+    bottom = (lane_numbers(like) + np.int32(width * r)) * room + np.int32(1)
+    at = (r + 1) * ROWS * width
+    for x in (
+        either(d[0] < 0.0, 24, 0, like), either(d[1] < 0.0, 32, 8, like), either(d[2] < 0.0, 40, 16, like),
+        select(on_x, np.int32(8), either(on_y, 16, 0, like)), select(on_x, np.int32(16), either(on_y, 0, 8, like)),
+        select(on_x, np.int32(0), either(on_y, 8, 16, like)), splat_int(ROOT, like), bottom, bottom,
+        splat_int(-1, like),
+    ):  # fmt: skip
+        store(work.pool.state, at, x)
+        at += width
+    return bits(tmin < tmax)
+
+
+@inlined
+def read_number(work: Work, f: int, row: int):
+    """One number of ray f."""
+    return peek(work.lanes, f + packet_width(work.lanes) * row)
+
+
+@inlined
+def read_state(work: Work, f: int, row: int):
+    """One integer of ray f."""
+    return np.int64(peek(work.pool.state, f + packet_width(work.lanes) * row))
+
+
+@inlined
+def write_state(work: Work, f: int, row: int, x: int):
+    """Write one integer of ray f."""
+    poke(work.pool.state, f + packet_width(work.lanes) * row, np.int32(x))
+
+
+@inlined
+def read_found(work: Work, r: int, like):
+    """Numbers of the triangles that the rays of packet r have hit, or -1; 1 in any-hit queries."""
+    return load(work.pool.state, ((r + 1) * ROWS + FOUND) * packet_width(work.lanes), like)
+
+
+@inlined
+def axes_of_ray(work: Work, f: int) -> Axes:
+    """Octant and dominant axis of ray f."""
+    return Axes(
+        read_state(work, f, AXES), read_state(work, f, AXES + 1), read_state(work, f, AXES + 2),
+        read_state(work, f, AXES + 3), read_state(work, f, AXES + 4), read_state(work, f, AXES + 5),
+    )  # fmt: skip
+
+
+@inlined
+def slabs_of_ray(work: Work, f: int) -> Slabs:
+    """Slabs of ray f."""
+    return Slabs(
+        read_number(work, f, SLABS), read_number(work, f, SLABS + 1), read_number(work, f, SLABS + 2),
+        read_number(work, f, SLABS + 3), read_number(work, f, SLABS + 4), read_number(work, f, SLABS + 5),
+        read_number(work, f, SLABS + 6), read_number(work, f, SLABS + 7), read_number(work, f, SLABS + 8),
+        read_number(work, f, SLABS + 9), read_number(work, f, SLABS + 10), read_number(work, f, SLABS + 11),
+    )  # fmt: skip
+
+
+@inlined
+def frame_of_ray(work: Work, f: int) -> RayFrame:
+    """Frame of ray f."""
+    return RayFrame(
+        read_number(work, f, FRAME), read_number(work, f, FRAME + 1), read_number(work, f, FRAME + 2),
+        read_number(work, f, FRAME + 3), read_number(work, f, FRAME + 4), read_number(work, f, FRAME + 5),
+        read_number(work, f, FRAME + 6), read_number(work, f, FRAME + 7), read_number(work, f, FRAME + 8),
+    )  # fmt: skip
+
+
+@inlined
+def enqueue(work: Work, f: int, child: int, top: int, nodes: int, leaves: int):
+    """Append ray f to the queue that its next child belongs to, or to none; return the lengths of both."""
+    write_state(work, f, NEXT, child)
+    write_state(work, f, TOP, top)
+    poke(work.pool.queue, nodes, np.int32(f))
+    poke(work.pool.queue, QUEUE + leaves, np.int32(f))
+    return nodes + np.int64(child >= 0), leaves + np.int64((child < 0) & (child != NOTHING))
+
+
+@inlined
+def step_through_node(tree: Tree, f: int, nodes: int, leaves: int, work: Work):
+    """Take ray f through a node: on to the nearest child, or to what is on its stack; the other children go there."""
+    at, top = read_state(work, f, NEXT) * NODE_SIZE, read_state(work, f, TOP)
+    near, far = planes_of_node(tree.nodes.bounds, at, axes_of_ray(work, f))
+    t, entered = slab_test(slabs_of_ray(work, f), near, far, read_number(work, f, TMIN), read_number(work, f, HIT_T))
+    work.counts[0] += 1
+    # an empty child slot can be entered where an operand is NaN, so the bits of the present children are needed
+    entered = entered & mask_of(np.int64(peek(tree.nodes.child, at + PRESENT)), t)
+    n, nearest = count(entered), least_lane(entered, t)
+    others = entered & (lane_numbers(t) != np.int32(nearest))
+    store(work.pool.t, top, packed(others, t))
+    store(work.pool.child, top, packed(others, load(tree.nodes.child, at + CHILD, NODE)))
+    child = peek_either(n == 0, work.pool.child, top - 1, tree.nodes.child, at + CHILD + nearest)
+    return enqueue(work, f, np.int64(child), top + n - 1, nodes, leaves)
+
+
+@inlined
+def cull(work: Work, bottom: int, top: int, tmax) -> int:
+    """Remove from a stack what lies beyond tmax; return its height. So nothing is tested when it is popped."""
+    kept = bottom
+    for i in range(bottom, top, NODE):
+        t, child = load(work.pool.t, i, NODE), load(work.pool.child, i, NODE)
+        keep = (t <= tmax) & (lane_numbers(t) < np.int32(top - i))
+        store(work.pool.t, kept, packed(keep, t))
+        store(work.pool.child, kept, packed(keep, child))
+        kept += count(keep)
+    return kept
+
+
+@inlined
+def step_through_leaf(tree: Tree, f: int, closest: bool, nodes: int, leaves: int, work: Work):
+    """Take ray f through a leaf, and on to what is on its stack."""
+    at, top, t = ~read_state(work, f, NEXT) * LEAF_SIZE, read_state(work, f, TOP), read_number(work, f, HIT_T)
+    triangles = eight_triangles(tree.leaves.rows, at, axes_of_ray(work, f))
+    inside, t_new, u_new, v_new = intersect(tree.leaves, frame_of_ray(work, f), triangles)
+    inside = inside & (t_new > read_number(work, f, TMIN))
+    work.counts[1] += NODE
+    if closest:
+        left = bits(inside & (t_new <= t))
+        if left != 0:
+            prim, u, v = np.int32(read_state(work, f, FOUND)), read_number(work, f, HIT_U), read_number(work, f, HIT_V)
+            while left != 0:
+                k = first_bit(left)
+                left &= left - 1
+                number = np.int32(peek(tree.leaves.prim_id, at + PRIM_ID + k))
+                if t_new[k] < t or (t_new[k] == t and number < prim):
+                    t, u, v, prim = t_new[k], u_new[k], v_new[k], number
+            poke(work.lanes, f + packet_width(work.lanes) * HIT_T, t)
+            poke(work.lanes, f + packet_width(work.lanes) * HIT_U, u)
+            poke(work.lanes, f + packet_width(work.lanes) * HIT_V, v)
+            write_state(work, f, FOUND, prim)
+            top = cull(work, read_state(work, f, BOTTOM), top, t)
+    elif bits(inside & (t_new < t)) != 0:
+        write_state(work, f, FOUND, 1)
+        return nodes, leaves
+    return enqueue(work, f, np.int64(peek(work.pool.child, top - 1)), top - 1, nodes, leaves)
+
+
+@inlined
+def trace_pool(tree: Tree, packets: int, closest: bool, work: Work):
+    """Trace the rays of a bundle, for their nearest hits or for any; write the results to scratch memory."""
+    nodes, leaves = 0, 0
+    for r in range(packets):
+        alive = enter_pool(tree, r, work)
+        while alive != 0:
+            place = (r + 1) * ROWS * packet_width(work.lanes) + first_bit(alive)
+            poke(work.pool.queue, nodes, np.int32(place))
+            alive &= alive - 1
+            nodes += 1
+    while nodes + leaves != 0:
+        turns, nodes = nodes, 0
+        for j in range(turns):
+            f = np.int64(peek(work.pool.queue, j))
+            nodes, leaves = step_through_node(tree, f, nodes, leaves, work)
+        for j in range(leaves):
+            leaf = ~read_state(work, np.int64(peek(work.pool.queue, QUEUE + j)), NEXT)
+            for line in range(0, NORMAL, 16):
+                prefetch(tree.leaves.rows, leaf * LEAF_SIZE + line)
+        turns, leaves = leaves, 0
+        for j in range(turns):
+            f = np.int64(peek(work.pool.queue, QUEUE + j))
+            nodes, leaves = step_through_leaf(tree, f, closest, nodes, leaves, work)
