@@ -85,11 +85,12 @@ def compress(a, i, mask, x):
     a[i : i + np.count_nonzero(mask)] = x[mask]
 
 
-def packed(mask, x):
-    """The lanes of ``x`` where ``mask`` holds, side by side from lane 0 on; the other lanes hold anything."""
-    out = np.zeros_like(x)
-    out[: np.count_nonzero(mask)] = x[mask]
-    return out
+def store_packed(a, i, mask, x):
+    """Write the lanes of ``x`` where ``mask`` holds to elements ``i``, ``i + 1``, ... of the flat array ``a``.
+
+    As many elements as ``x`` has lanes are written: those after the last such lane hold anything.
+    """
+    a[i : i + np.count_nonzero(mask)] = x[mask]
 
 
 def least_lane(mask, x):

@@ -165,14 +165,16 @@ registered(lambda a, index: signature(Lanes(a.dtype, index.n), a, index), _emit_
 registered(lambda a, i, mask, x: signature(types.none, a, types.int64, mask, x), _emit_compress)(lanes.compress)
 
 
-def _emit_packed(builder, sig, args):
-    """Packed in a register: where a compressing store is microcoded, it takes ten times as long."""
-    kind = args[1].type
-    name = f"llvm.experimental.vector.compress.v{kind.count}{SUFFIXES[str(kind.element)]}"
-    return intrinsic(builder, name, kind, [args[1], args[0], ir.Constant(kind, ir.Undefined)])
+def _emit_store_packed(builder, sig, args):
+    """Packed in a register, then stored: a compressing store is microcoded on some processors, and far slower."""
+    at, element, size = _pointer(builder, sig, args)
+    mask, x = args[2:]
+    name = f"llvm.experimental.vector.compress.v{x.type.count}{SUFFIXES[str(element)]}"
+    values = intrinsic(builder, name, x.type, [x, mask, ir.Constant(x.type, ir.Undefined)])
+    builder.store(values, at, align=size)
 
 
-registered(lambda mask, x: signature(x, mask, x), _emit_packed)(lanes.packed)
+registered(lambda a, i, mask, x: signature(types.none, a, types.int64, mask, x), _emit_store_packed)(lanes.store_packed)
 
 
 def _emit_least_lane(builder, sig, args):

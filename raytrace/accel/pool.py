@@ -10,18 +10,22 @@ import numpy as np
 from raytrace.accel.box import Slabs, make_slabs, slab_test
 from raytrace.accel.bundle import BUNDLE
 from raytrace.accel.lanes import (
+    BITS,
     NODE,
     PACKET,
     absolute,
     bits,
     count,
     first_bit,
+    lane_max,
+    lane_min,
     lane_numbers,
     least_lane,
     load,
     machine_epsilon,
     mask_of,
-    packed,
+    maximum,
+    minimum,
     packet,
     packet_width,
     peek,
@@ -29,8 +33,10 @@ from raytrace.accel.lanes import (
     poke,
     prefetch,
     select,
+    splat,
     splat_int,
     store,
+    store_packed,
 )
 from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, NORMAL, PRESENT, PRIM_ID, aligned, integers
 from raytrace.accel.octants import Axes
@@ -50,6 +56,10 @@ RAYS = BUNDLE * PACKET  # most rays of a pool
 QUEUE = RAYS + 1  # elements of a queue: one more than there are rays, because every ray is written to both
 
 
+POOL_NODES = 16  # least nodes of a tree: in smaller ones, packets are faster
+SCATTERED = 0.5  # least spread of the directions of a bundle: where they differ less, packets are faster
+
+
 def make_pool(height: int, dtype: np.dtype) -> Pool:
     """Allocate a pool with stacks of that height; a push writes a register, so each has room for one more."""
     room = height + 1 + NODE
@@ -57,6 +67,32 @@ def make_pool(height: int, dtype: np.dtype) -> Pool:
     child[::room] = NOTHING  # below each stack
     state = aligned((BUNDLE + 1) * ROWS * PACKET, np.dtype(np.int32))
     return Pool(aligned(RAYS * room, dtype), child, state, np.empty(2 * QUEUE, np.int32))
+
+
+@inlined
+def suits_pool(tree: Tree) -> bool:
+    """Whether a pool can be faster in a tree: with registers of 512 bits, which can be packed, and enough nodes."""
+    return BITS == 512 and len(tree.nodes.bounds) >= POOL_NODES * NODE_SIZE
+
+
+@inlined
+def spread(packets: int, work: Work):
+    """Sum of the extents along x, y and z of the directions of a bundle, whose largest components are scaled to 1."""
+    like = packet(work.lanes)
+    low_x, low_y, low_z = splat(np.inf, like), splat(np.inf, like), splat(np.inf, like)
+    high_x, high_y, high_z = splat(-np.inf, like), splat(-np.inf, like), splat(-np.inf, like)
+    for r in range(packets):
+        _, d, _, tmin, tmax = read_bundle_rays(work, r, like)
+        scale, alive = 1.0 / maximum(maximum(absolute(d[0]), absolute(d[1])), absolute(d[2])), tmin < tmax
+        x, y, z = d[0] * scale, d[1] * scale, d[2] * scale
+        low_x, high_x = minimum(low_x, select(alive, x, np.inf)), maximum(high_x, select(alive, x, -np.inf))
+        low_y, high_y = minimum(low_y, select(alive, y, np.inf)), maximum(high_y, select(alive, y, -np.inf))
+        low_z, high_z = minimum(low_z, select(alive, z, np.inf)), maximum(high_z, select(alive, z, -np.inf))
+    return (
+        (lane_max(high_x) - lane_min(low_x))
+        + (lane_max(high_y) - lane_min(low_y))
+        + (lane_max(high_z) - lane_min(low_z))
+    )
 
 
 @inlined
@@ -174,8 +210,8 @@ def step_through_node(tree: Tree, f: int, nodes: int, leaves: int, work: Work):
     entered = entered & mask_of(np.int64(peek(tree.nodes.child, at + PRESENT)), t)
     n, nearest = count(entered), least_lane(entered, t)
     others = entered & (lane_numbers(t) != np.int32(nearest))
-    store(work.pool.t, top, packed(others, t))
-    store(work.pool.child, top, packed(others, load(tree.nodes.child, at + CHILD, NODE)))
+    store_packed(work.pool.t, top, others, t)
+    store_packed(work.pool.child, top, others, load(tree.nodes.child, at + CHILD, NODE))
     child = peek_either(n == 0, work.pool.child, top - 1, tree.nodes.child, at + CHILD + nearest)
     return enqueue(work, f, np.int64(child), top + n - 1, nodes, leaves)
 
@@ -187,8 +223,8 @@ def cull(work: Work, bottom: int, top: int, tmax) -> int:
     for i in range(bottom, top, NODE):
         t, child = load(work.pool.t, i, NODE), load(work.pool.child, i, NODE)
         keep = (t <= tmax) & (lane_numbers(t) < np.int32(top - i))
-        store(work.pool.t, kept, packed(keep, t))
-        store(work.pool.child, kept, packed(keep, child))
+        store_packed(work.pool.t, kept, keep, t)
+        store_packed(work.pool.child, kept, keep, child)
         kept += count(keep)
     return kept
 

@@ -16,8 +16,6 @@ from raytrace.accel.lanes import (
     first_bit,
     gather,
     group_size,
-    lane_max,
-    lane_min,
     lane_numbers,
     load,
     load_rows,
@@ -36,11 +34,10 @@ from raytrace.accel.lanes import (
 )  # fmt: skip
 from raytrace.accel.layout import NODE_SIZE
 from raytrace.accel.octants import Axes, RayPacket, axes_of, make_ray_frame, octants_of, same_octant_and_axis
-from raytrace.accel.pool import read_found, trace_pool
 from raytrace.accel.packet import any_packet, closest_packet
+from raytrace.accel.pool import SCATTERED, read_found, spread, suits_pool, trace_pool
 from raytrace.accel.scratch import (
     FRAME,
-    FRAME_SCALE,
     HIT_T,
     HIT_U,
     HIT_V,
@@ -59,8 +56,6 @@ from raytrace.accel.vectors import scaled
 from raytrace.jit import inlined, kernel
 from raytrace.records import Columns, Hits, Rays, Tree, Work
 
-POOL_NODES = 16  # nodes of a tree: in smaller ones, packets are faster
-SCATTERED = 0.5  # sum of the extents of the directions of a bundle, with largest components of 1, from which pools are faster
 ORDINARY = 2.0**10  # directions whose largest component lies in 1 / ORDINARY .. ORDINARY are not scaled
 LIFT = 2.0**64  # scales the shortest directions to where their exponent is normal
 
@@ -144,8 +139,8 @@ def collect(rays: Rays, i: int, n: int, count: int, work: Work):
     for r in range(count):
         o, d, scale, tmin, tmax = read_rays(rays, i + r * packet_width(work.lanes), n, like)
         alive = tmin < tmax
-        write_rows(work, r, ORIGIN, (o[0], o[1], o[2], d[0], d[1], d[2], scale))
-        write_rows(work, r, FRAME_SCALE, (scale,))
+        write_rows(work, r, ORIGIN, (o[0], o[1], o[2], d[0], d[1], d[2]))
+        write_rows(work, r, SCALE, (scale,))
         write_rows(work, r, TMIN, (tmin, tmax, splat(0.0, like), splat(0.0, like)))
         write_prim_id(work, r, splat_int(-1, like))
         ax, ay, az = absolute(d[0]), absolute(d[1]), absolute(d[2])
@@ -185,30 +180,6 @@ def trace_together(tree: Tree, rays: Rays, i: int, n: int, test, work: Work) -> 
         axes = Axes(0, 0, 0, 8 * ((dominant + 1) % 3), 8 * ((dominant + 2) % 3), 8 * dominant)
         trace_bundle(tree, Bundle(whole, groups, axes, count), test, work)
     return narrow
-
-
-@inlined
-def scattered(tree: Tree, count: int, work: Work) -> bool:
-    """Whether the directions of a bundle differ so much that its rays are faster each on its own, in a pool."""
-    if len(tree.nodes.bounds) < POOL_NODES * NODE_SIZE:
-        return False
-    like = packet(work.lanes)
-    low = splat(np.inf, like), splat(np.inf, like), splat(np.inf, like)
-    high = splat(-np.inf, like), splat(-np.inf, like), splat(-np.inf, like)
-    for r in range(count):
-        _, d, _, tmin, tmax = read_bundle_rays(work, r, like)
-        scale, alive = 1.0 / maximum(maximum(absolute(d[0]), absolute(d[1])), absolute(d[2])), tmin < tmax
-        x, y, z = d[0] * scale, d[1] * scale, d[2] * scale
-        low = (
-            minimum(low[0], select(alive, x, np.inf)), minimum(low[1], select(alive, y, np.inf)),
-            minimum(low[2], select(alive, z, np.inf)),
-        )  # fmt: skip
-        high = (
-            maximum(high[0], select(alive, x, -np.inf)), maximum(high[1], select(alive, y, -np.inf)),
-            maximum(high[2], select(alive, z, -np.inf)),
-        )  # fmt: skip
-    x, y, z = lane_max(high[0]) - lane_min(low[0]), lane_max(high[1]) - lane_min(low[1]), lane_max(high[2]) - lane_min(low[2])
-    return x + y + z > SCATTERED
 
 
 @inlined
@@ -257,14 +228,14 @@ def closest_hit(tree: Tree, rays: Rays, hits: Hits, n: int, work: Work):
     like, width = packet(tree.nodes.bounds), packet_width(tree.nodes.bounds)
     for i in range(0, n, group_size(work.lanes) * width):
         together = trace_together(tree, rays, i, n, closest_in_packet, work)
-        apart = not together and scattered(tree, packets_from(i, n, work), work)
+        apart = not together and suits_pool(tree) and spread(packets_from(i, n, work), work) > SCATTERED
         if apart:
             trace_pool(tree, packets_from(i, n, work), True, work)
         for r in range(packets_from(i, n, work)):
             if not together and not apart:
                 closest_of_packet(tree, r, work, like)
             at, prim = i + r * width, read_found(work, r, like) if apart else read_prim_id(work, r, like)
-            found, scale = prim >= 0, read_row(work, r, FRAME_SCALE, like)
+            found, scale = prim >= 0, read_row(work, r, SCALE, like)
             write(hits.t, at, n, select(found, read_row(work, r, HIT_T, like) / scale, np.inf))
             write(hits.prim_id, at, n, prim)
             write(hits.u, at, n, select(found, read_row(work, r, HIT_U, like), 0.0))
@@ -277,7 +248,7 @@ def any_hit(tree: Tree, rays: Rays, occluded, n: int, work: Work):
     like, width = packet(tree.nodes.bounds), packet_width(tree.nodes.bounds)
     for i in range(0, n, group_size(work.lanes) * width):
         together = trace_together(tree, rays, i, n, any_in_packet, work)
-        apart = not together and scattered(tree, packets_from(i, n, work), work)
+        apart = not together and suits_pool(tree) and spread(packets_from(i, n, work), work) > SCATTERED
         if apart:
             trace_pool(tree, packets_from(i, n, work), False, work)
         for r in range(packets_from(i, n, work)):

@@ -27,14 +27,13 @@ from raytrace.accel.lanes import (
     to_int,
 )
 from raytrace.accel.layout import boxes_of, children_of
+from raytrace.accel.pool import suits_pool
 from raytrace.jit import inlined, kernel
 from raytrace.records import Columns, Hits, Rays, Tree, Work
 
 DIGIT = 12  # bits that one pass of the radix sort orders by
 DIRECTION_BITS = 5  # of a key: octant (3) and dominant axis (2)
 MAX_BITS = 8  # of a cell, per axis
-import os
-NOSORT = bool(os.environ.get('NOSORT'))
 SAMPLE = 256  # rays that decide whether a batch is in order already
 
 
@@ -104,16 +103,20 @@ def keys_of(rays: Rays, i: int, n: int, grid: Grid, like):
 
 @kernel
 def changes(rays: Rays, n: int, grid: Grid, scratch: SortScratch):
-    """Number of neighbours with different keys among ``SAMPLE`` rays, taken as runs of ``PACKET`` across the batch."""
+    """Count neighbours with different keys, and with different directions, among ``SAMPLE`` rays.
+
+    The rays are taken as runs of ``PACKET`` across the batch.
+    """
     like = packet(scratch.rays)
-    found = 0
+    keys, directions = 0, 0
     for part in range(SAMPLE // PACKET):
         i = part * (n - PACKET) // (SAMPLE // PACKET - 1)
         for k in range(0, PACKET, packet_width(scratch.rays)):
             store(scratch.keys[0], k, keys_of(rays, i + k, n, grid, like))
         for k in range(1, PACKET):
-            found += scratch.keys[0, k] != scratch.keys[0, k - 1]
-    return found
+            keys += scratch.keys[0, k] != scratch.keys[0, k - 1]
+            directions += (scratch.keys[0, k] ^ scratch.keys[0, k - 1]) & ((1 << DIRECTION_BITS) - 1) != 0
+    return keys, directions
 
 
 @kernel
@@ -175,9 +178,17 @@ def give_back(values, n, numbers, out):
         poke(out, peek(numbers, i), peek(values, i))
 
 
+def worth_sorting(tree: Tree, grid: Grid, rays: Rays, n: int, scratch: SortScratch) -> bool:
+    """Return whether rays are faster if they are sorted first: where most neighbours differ, but not for a pool."""
+    if n < SAMPLE:
+        return False
+    keys, directions = changes(rays, n, grid, scratch)
+    return 2 * keys > SAMPLE and not (2 * directions > SAMPLE and suits_pool(tree))
+
+
 def closest_hit(tree: Tree, grid: Grid, rays: Rays, hits: Hits, n: int, scratch: SortScratch) -> None:
     """Find the nearest hits of n rays, which are sorted first if that is faster."""
-    if NOSORT or n < SAMPLE or 2 * changes(rays, n, grid, scratch) <= SAMPLE:
+    if not worth_sorting(tree, grid, rays, n, scratch):
         query.closest_hit(tree, rays, hits, n, scratch.work)
         return
     numbers, rays = _sorted(rays, n, grid, scratch)
@@ -188,7 +199,7 @@ def closest_hit(tree: Tree, grid: Grid, rays: Rays, hits: Hits, n: int, scratch:
 
 def any_hit(tree: Tree, grid: Grid, rays: Rays, occluded: NDArray[np.bool_], n: int, scratch: SortScratch) -> None:
     """Find which of n rays are occluded; the rays are sorted first if that is faster."""
-    if NOSORT or n < SAMPLE or 2 * changes(rays, n, grid, scratch) <= SAMPLE:
+    if not worth_sorting(tree, grid, rays, n, scratch):
         query.any_hit(tree, rays, occluded, n, scratch.work)
         return
     numbers, rays = _sorted(rays, n, grid, scratch)

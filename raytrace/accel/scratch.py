@@ -17,10 +17,10 @@ ALONE = -1  # number of the first slot; slot r >= 0 holds packet r of a bundle
 
 # Rows of a slot. The packets of a bundle need no slabs, so they keep their origins and directions in those rows.
 SLABS = 0  # 12 rows, the fields of Slabs
-ORIGIN, DIRECTION, SCALE = 0, 3, 6  # x, y, z; x, y, z; the power of two that the direction was divided by
+ORIGIN, DIRECTION = 0, 3  # x, y, z; x, y, z
 FRAME = 12  # 9 rows, the fields of RayFrame
-# those of them that are read alone
-FRAME_X, FRAME_Z, FRAME_DZ, FRAME_SX, FRAME_SCALE = FRAME, FRAME + 2, FRAME + 5, FRAME + 6, FRAME + 8
+FRAME_X, FRAME_Z, FRAME_DZ, FRAME_SX = FRAME, FRAME + 2, FRAME + 5, FRAME + 6  # those of them that are read alone
+SCALE = FRAME + 8  # the power of two that the direction was divided by
 TMIN = 21
 HIT_T, HIT_U, HIT_V = 22, 23, 24  # t of the nearest hit so far (tmax before the first one); then its u, v
 TMAX, OCCLUDED = HIT_T, HIT_U  # in any-hit queries: tmax, -inf once anything is hit; then 1 if it is, else 0
