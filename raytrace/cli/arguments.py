@@ -255,3 +255,13 @@ def report_options(parser: ArgumentParser) -> None:
     add("--budget", type=real_number(1, 1e9), default=60.0, metavar="SECONDS", help="measuring time (default: 60)")
     size = whole_numbers("WxH", "x", (1, 1))
     add("--size", type=size, metavar="WxH", help="image size in pixels (default: the scene's)")
+
+
+def export_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``export``."""
+    scene_options(parser)
+    add = parser.add_argument
+    add("--to", type=one_of("mitsuba", "pbrt"), required=True, metavar="NAME", help="mitsuba (3) or pbrt (v4)")
+    add("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the scene, its meshes and images")
+    text = "replace what the other renderer cannot express by what is closest, with a warning for each"
+    add("--approximate", action="store_true", help=text)

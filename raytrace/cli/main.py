@@ -153,6 +153,17 @@ def _report(args: Namespace) -> int:
     return INTERRUPTED if found.interrupted else DONE
 
 
+def _export(args: Namespace) -> int:
+    from raytrace.exporting.export import export_scene
+
+    with without_scene_warnings():  # they are about our own image
+        path, warnings = export_scene(_load(args), args.to, args.output, args.approximate)
+    for warning in warnings:
+        streams.say(f"warning: {warning}")
+    streams.out(printable(path))
+    return DONE
+
+
 def _schema(_args: Namespace) -> int:
     from raytrace.scene import schema_text
 
@@ -199,6 +210,7 @@ COMMANDS = {
     "check": Command("check a scene and its meshes without rendering", _check, arguments.scene_options),
     "compare": Command("measure the error of an image against a reference", _compare, arguments.compare_options),
     "report": Command("measure speed and error, or test hard rays; write a page", _report, arguments.report_options),
+    "export": Command("write a scene for Mitsuba 3 or pbrt-v4", _export, arguments.export_options),
     "schema": Command("print the JSON Schema of scene files", _schema),
     "warmup": Command("compile kernels now instead of at the first render", _warmup, arguments.warmup_options),
     "doctor": Command("show versions, processor, cache and optional packages", _doctor),

@@ -52,18 +52,17 @@ def _all_in_front(scene: Scene, part: Part, eyes: NDArray[np.float64]) -> bool:
 
 def _closed_and_outside(part: Part, eyes: NDArray[np.float64]) -> bool:
     """Whether a part is closed, and its winding number at the eyes is that of the side that its fronts face."""
-    corners = part.vertices[part.faces]  # (m, 3, 3)
-    if not _closed(corners):
+    if not _closed(part):
         return False
-    exact = corners.astype(np.float64)
+    exact = part.vertices.astype(np.float64)[part.faces]  # (m, 3, 3)
     volume = np.einsum("ij,ij->i", exact[:, 0], np.cross(exact[:, 1], exact[:, 2])).sum()
     front = 0 if volume > 0 else -1  # outside of a body; inside of one whose fronts face inwards
     return all(round(winding_number(exact, eye)) == front for eye in eyes)
 
 
-def _closed(corners: NDArray[np.float32]) -> bool:
-    """Whether each edge of triangles (m, 3, 3) is met in both directions equally often, by positions."""
-    ids = equal_rows(corners.reshape(-1, 3))[1].reshape(-1, 3)
+def _closed(part: Part) -> bool:
+    """Whether each edge is a side of as many triangles in one direction as in the other; vertices by position."""
+    ids = equal_rows(part.vertices)[1][part.faces]
     ends = np.stack([ids, np.roll(ids, -1, axis=1)], axis=2).reshape(-1, 2)
     ends = ends[ends[:, 0] != ends[:, 1]]
     codes = ends.min(axis=1) * (ids.max() + 1) + ends.max(axis=1)

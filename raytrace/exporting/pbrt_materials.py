@@ -87,9 +87,8 @@ class Materials:
             return parameter("rgb", "reflectance", *self._table.albedo[k])
         number, texture = found
         name = f"texture-{number:03d}"
-        scale = [
-            parameter("float", axis, factor) for axis, factor in zip(("uscale", "vscale"), texture.scale, strict=True)
-        ]
+        u, v = texture.scale
+        scale = [parameter("float", "uscale", u), parameter("float", "vscale", v)]
         if texture.kind == CHECKERBOARD:
             colours = [parameter("rgb", key, *texture.codes[0, j]) for j, key in enumerate(("tex1", "tex2"))]
             self._textures[number] = directive(f'Texture "{name}" "spectrum"', "checkerboard", colours + scale)
