@@ -16,7 +16,7 @@ from raytrace.exporting.backs import back_may_be_seen, winding_number
 from raytrace.exporting.common import unique_names
 from raytrace.exporting.export import export_files, export_scene
 from raytrace.exporting.images import look_up
-from raytrace.exporting.meshes import parts_of, ply_bytes
+from raytrace.exporting.meshes import bend, parts_of, ply_bytes
 from raytrace.output_folder import write_new_folder
 
 SCENES = Path(__file__).parent.parent / "scenes"
@@ -44,11 +44,29 @@ def test_parts_have_the_triangles_of_the_scene(tmp_path):
 
 def test_only_smooth_objects_have_normals(tmp_path):
     """In a scene with smooth objects, the flat ones have normals of corners, too: those of their triangles."""
-    flat, smooth = parts_of(with_objects(tmp_path, {"box": {}, "material": "lamp"}, BALL | {"normals": "smooth"}))
+    lamp = BALL | {"normals": "smooth", "material": "lamp"}
+    objects = {"box": {}, "material": "white"}, BALL | {"normals": "smooth"}, lamp
+    flat, smooth, lamp = parts_of(with_objects(tmp_path, *objects))
+    assert lamp.normals is None  # emission depends on the geometric normal
     assert flat.normals is None
     np.testing.assert_allclose(smooth.normals, smooth.vertices, atol=2e-7)  # of a unit sphere
     header = ply_bytes(smooth).split(b"end_header")[0].decode()
     assert header.split("property float ")[1:][3].startswith("nx")
+
+
+@pytest.mark.parametrize(("tolerance", "coarse"), [(0.05, True), (0.01, False)])
+def test_coarse_smooth_meshes_are_named(tmp_path, tolerance, coarse):
+    ball = BALL | {"normals": "smooth", "sphere": BALL["sphere"] | {"tolerance": tolerance}}
+    scene = with_objects(tmp_path, ball, BALL)
+    (smooth, flat) = parts_of(scene)
+    n, c = smooth.normals[smooth.faces], smooth.vertices[smooth.faces]
+    ng = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
+    angles = np.degrees(np.arccos((n * ng[:, None]).sum(axis=2) / np.linalg.norm(ng, axis=1)[:, None]))
+    assert angles.min() < bend(smooth) < angles.max()
+    assert (bend(smooth) > 12) == coarse
+    assert bend(flat) == 0
+    found = export_files(scene, "mitsuba", approximate=True).warnings
+    assert ["objects.sphere: Mitsuba shades silhouettes" in line for line in found] == [True] * coarse
 
 
 def test_vertices_that_differ_in_uv_are_kept_apart(tmp_path):
