@@ -6,7 +6,7 @@ from raytrace.exporting.differences import Differences
 from raytrace.exporting.meshes import Part, bend, file_stem
 from raytrace.records import REFRACTIVE, SCATTERING, Scene
 
-MOST_BEND = 12.0  # degrees between normals of corners and triangles, RMS: below it no test has found a difference
+MOST_BEND = 12.0  # degrees between normals of corners and triangles, RMS; at 11 an image differed by 0.1 %
 Contents = dict[str, bytes]  # files by their paths in the folder
 
 
