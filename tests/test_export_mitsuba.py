@@ -211,6 +211,12 @@ def test_linear_and_nearest_images(tmp_path):
     np.testing.assert_allclose(load_image(path).rgb, PIXELS / 255, atol=1e-7)
 
 
+def test_smooth_meshes_keep_their_normals(tmp_path):
+    ball = {"sphere": {"center": [0, 0, 0], "radius": 1, "tolerance": 0.02}, "material": "white"}
+    xml = Xml(made(tmp_path, {"white": WHITE}, objects=[ball, ball | {"normals": "smooth"}]))
+    assert [value(shape, "face_normals") for shape in xml.root.findall("shape")] == ["true", "false"]
+
+
 def checks_of(xml, folder, name):
     """The two colours of a checkerboard that is an image: bottom left and bottom right texel."""
     bitmap = xml.of("texture", "bitmap")

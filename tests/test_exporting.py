@@ -150,6 +150,15 @@ def test_backs_that_may_be_seen(tmp_path, objects, camera, seen):
     assert back_may_be_seen(scene, part) == seen
 
 
+def test_the_inside_of_an_open_box_may_be_seen(tmp_path):
+    """Half of a ball does not enclose anything, though its winding number rounds to 0 outside."""
+    scene = with_objects(tmp_path, BALL)
+    part = next(parts_of(scene))
+    assert not back_may_be_seen(scene, part)
+    front = part.vertices[part.faces].mean(axis=1)[:, 2] > 0
+    assert back_may_be_seen(scene, part._replace(faces=part.faces[~front]))
+
+
 def test_backs_are_named_for_pbrt_only(tmp_path):
     scene = with_objects(tmp_path, WALL | {"flip": True}, lights=[POINT])
     export_files(scene, "mitsuba")
