@@ -186,7 +186,8 @@ def test_materials(tmp_path):
     assert pbrt.material("metal").values("eta") == [0.2, 0.4, 1.5]
     assert pbrt.material("metal").values("k") == [3, 2, 1]
     assert max(pbrt.material("half").values("k")) == 1e4
-    assert pbrt.material("mirror").parameters["reflectance"] == ("rgb", [1, 1, 1])
+    assert pbrt.material("mirror").values("eta") == [1, 1, 1]
+    assert pbrt.material("mirror").values("k") == [1e4] * 3  # reflects 1 - 4e-8 at all angles
     kinds = [each.value("type") for each in pbrt.all if each.name == "MakeNamedMaterial"]
     assert kinds == ["diffuse", "dielectric", "conductor", "conductor", "conductor"]
 

@@ -98,8 +98,9 @@ def test_vertex_colours_are_written(tmp_path):
 
 
 def test_names_are_unique_and_simple():
-    names = unique_names(("plate 1", "plate-1", "a/b", "ö", ""))
-    assert len(set(names)) == 5
+    names = unique_names(("plate-1-2", "plate 1", "plate-1", "a/b", "ö", "", "x" * 300))
+    assert len(set(names)) == 7
+    assert max(map(len, names)) < 100
     assert all(name.replace("-", "").isalnum() and name.isascii() for name in names)
 
 
@@ -199,6 +200,15 @@ def test_nothing_is_written_when_the_scene_cannot_be_expressed(tmp_path):
     path, warnings = export_scene(scene, "mitsuba", tmp_path / "out", approximate=True)
     assert path == tmp_path / "out" / "small.xml"
     assert len(warnings) == 1
+
+
+def test_any_text_of_a_scene_is_written_safely(tmp_path):
+    about = 'two -- lines\n--> \u0001 "Shape" <x>&'
+    material = 'a "b" \\ <c> & --'
+    scene = made(tmp_path, {material: WHITE | {"two_sided": True}}, about=about)
+    pbrt, mitsuba = (export_files(scene, to) for to in ("pbrt", "mitsuba"))
+    assert [each.words for each in parse(pbrt.files[pbrt.scene].decode()) if each.name == "Shape"] == [["plymesh"]]
+    ET.fromstring(mitsuba.files[mitsuba.scene])
 
 
 def test_an_unknown_renderer_is_refused(tmp_path):

@@ -22,9 +22,13 @@ def unique_names(names: tuple[str, ...]) -> list[str]:
     ['plate-1', 'plate-1-2']
     """
     found: list[str] = []
-    for number, name in enumerate(names):
-        stem = file_stem(name)
-        found.append(stem if stem not in found else f"{stem}-{number + 1}")
+    for name in names:
+        stem = unique = file_stem(name)
+        number = 1
+        while unique in found:
+            number += 1
+            unique = f"{stem}-{number}"
+        found.append(unique)
     return found
 
 

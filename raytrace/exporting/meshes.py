@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from raytrace.records import DIFFUSE, Mesh, Scene
 
+LONGEST = 60  # characters of a name
 FLAT = 1e-9  # largest difference of a corner's normal from the triangle's where an object is flat
 PROPERTIES = {"vertices": "xyz", "normals": ("nx", "ny", "nz"), "uv": "uv", "colors": "rgb"}
 
@@ -37,11 +38,11 @@ def parts_of(scene: Scene) -> Iterator[Part]:
     """
     mesh = scene.mesh
     pairs = mesh.object_id.astype(np.int64) * len(scene.materials.name) + mesh.material_id
-    for pair in np.flatnonzero(np.bincount(pairs)):
+    for count, pair in enumerate(np.flatnonzero(np.bincount(pairs))):
         number, material = divmod(int(pair), len(scene.materials.name))
-        stem = scene.objects[number].rsplit("/", 1)[-1]
-        words = [f"{number:03d}", stem.split(".", 1)[0], scene.materials.name[material]]
-        part = _part(mesh, pairs == pair, file_stem("-".join(words)), (material, number))
+        stem = scene.objects[number].rsplit("/", 1)[-1].split(".", 1)[0]
+        name = f"{count:03d}-{file_stem(stem)}-{file_stem(scene.materials.name[material])}"
+        part = _part(mesh, pairs == pair, name, (material, number))
         yield part._replace(normals=None) if reflects_nothing(scene, material) else part
 
 
@@ -65,12 +66,12 @@ def bend(part: Part) -> float:
 
 
 def file_stem(text: str) -> str:
-    """Return a text with everything replaced that may be special in a file name.
+    """Return the begin of a text, with everything replaced that may be special in a file name.
 
     >>> file_stem("003-my vase (2)-glass")
     '003-my-vase-2-glass'
     """
-    return re.sub(r"[^A-Za-z0-9_]+", "-", text).strip("-") or "unnamed"
+    return re.sub(r"[^A-Za-z0-9_]+", "-", text).strip("-")[:LONGEST] or "unnamed"
 
 
 def _part(mesh: Mesh, mine: NDArray[np.bool_], name: str, owner: tuple[int, int]) -> Part:

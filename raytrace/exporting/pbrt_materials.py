@@ -114,9 +114,11 @@ class Materials:
             eta = parameter("float", "eta", table.ior[k])
             return self._named(k, "dielectric", [eta, *self._roughness(k, kind == ROUGH_DIELECTRIC)])
         if kind == MIRROR:
-            if self._texture_of(k) or not (table.albedo[k] == 1).all():
-                text = "pbrt has no mirror whose reflectance is below 1 and the same at all angles"
-                self._note(k, text, "it becomes a conductor with this reflectance at normal incidence")
+            if not self._texture_of(k) and (table.albedo[k] == 1).all():
+                ideal = [parameter("rgb", "eta", 1, 1, 1), parameter("rgb", "k", MOST_K, MOST_K, MOST_K)]
+                return self._named(k, "conductor", ideal)
+            text = "pbrt has no mirror whose reflectance is below 1 and the same at all angles"
+            self._note(k, text, "it becomes a conductor with this reflectance at normal incidence")
             return self._named(k, "conductor", [self._reflectance(k)])
         assert kind in (CONDUCTOR, ROUGH_CONDUCTOR), f"a new kind of material: {kind}"
         rough = self._roughness(k, kind == ROUGH_CONDUCTOR)

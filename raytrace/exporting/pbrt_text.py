@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from raytrace.errors import printable
+
 
 def parameter(kind: str, name: str, *values: Any) -> str:
     """Return a parameter, such as ``"float fov" [ 40.0 ]``; numbers have as many digits as identify them.
@@ -30,7 +32,7 @@ def directive(name: str, kind: str, parameters: Iterable[str] = (), indent: str 
 
 def comment(text: str) -> str:
     """Return a text as one comment line."""
-    return "# " + " ".join(text.split())
+    return f"# {printable(text)}"
 
 
 def _word(kind: str, value: Any) -> str:

@@ -6,6 +6,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from raytrace.errors import printable
+
 Element = ET.Element
 
 
@@ -48,4 +50,4 @@ def document(root: Element, comment: str) -> bytes:
     """Return an XML file."""
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode")
-    return f"<!-- {comment.replace('--', '- -')} -->\n{text}\n".encode()
+    return f"<!-- {printable(comment).replace('--', '- -')} -->\n{text}\n".encode()
