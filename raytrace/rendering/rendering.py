@@ -180,7 +180,8 @@ def within(name: str, value: Any, low: int, high: int) -> int:
     return number
 
 
-def _size_of(value: Any) -> tuple[int, int]:
+def size_of(value: Any) -> tuple[int, int]:
+    """Return the size (width, height) of an image, if it is within the limits."""
     if not isinstance(value, Sequence | np.ndarray) or len(value) != 2:
         raise OptionError(f"size: expected (width, height), got {value!r}")
     width, height = _integer("size", value[0]), _integer("size", value[1])
@@ -210,7 +211,7 @@ def override(
     return settings._replace(
         spp=within("spp", settings.spp, 1, MAX_SPP),
         seed=within("seed", settings.seed, 0, MAX_SEED),
-        size=_size_of(settings.size),
+        size=size_of(settings.size),
     )
 
 
