@@ -21,7 +21,7 @@ def camera_rays(
     scene: Scene | str | Path | dict[str, Any] | Any = None,
     size: tuple[int, int] | None = None,
     *,
-    K: ArrayLike | None = None,  # noqa: N803 - the name of the field
+    K: ArrayLike | None = None,
     pose: ArrayLike | None = None,
 ) -> Rays:
     """Compute the rays through the pixel centres of a camera.

@@ -39,6 +39,7 @@ def render(
     sampler: str | None = None,
     *,
     integrator: str | None = None,
+    camera: dict[str, Any] | None = None,
     threads: int | None = None,
     progress: Callable[[Progress], None] | Literal[False] | None = None,
     aov: Sequence[str] = (),
@@ -60,6 +61,9 @@ def render(
         "float64"; "sobol", "stratified" or "independent". Default: the scene's settings.
     integrator : {"direct", "path"}, optional
         Light that comes straight from the lights, or all the light. Default: what the scene says.
+    camera : dict, optional
+        Another camera, as ``camera`` in a scene file: for turntables. A loaded scene keeps its trees from one camera to
+        the next. Its ``fov`` is vertical: another ``size`` shows more or less at the sides.
     threads : int, optional
         Number of threads. Default: one per core that the process may use. The image is bit-identical for any number.
     progress : callable or False, optional
@@ -92,7 +96,8 @@ def render(
     Raises
     ------
     SceneError, FileError
-        As ``load`` does; and FileError for a checkpoint of another image, or one that can't be written.
+        As ``load`` does; SceneError for a wrong ``camera``; and FileError for a checkpoint of another image, or one
+        that can't be written.
     OptionError
         An option has a value that is not allowed; the cluster is gone, or none of its workers can be used.
 
@@ -107,6 +112,13 @@ def render(
     >>> image = rt.render("scenes/cornell-box.json", spp=4, size=(32, 32))
     >>> image.rgb.shape, image.complete
     ((32, 32, 3), True)
+
+    Two images of a turntable:
+
+    >>> scene = rt.load("scenes/cornell-box.json")
+    >>> for x in (-0.5, 0.5):
+    ...     camera = {"position": [x, 1, 6.8], "look_at": [0, 1, 0], "fov": 19.5}
+    ...     image = rt.render(scene, spp=1, size=(32, 32), camera=camera)
     """
     if not isinstance(scene, Scene):
         scene = load(scene, max_memory=max_memory)
@@ -117,6 +129,10 @@ def render(
     layers, limit, count = layers_of(aov), seconds_of(time_limit), parallel.thread_count(threads)
     if "uv" in layers:
         scene.corner_uv  # noqa: B018 - may read files: what is wrong with them is an error now, not after the render
+    if camera is not None:
+        from raytrace.scene.other_camera import with_camera
+
+        scene = with_camera(scene, camera)
     plan = plan_of(scene)
     precision = plan.precision.name if settings.precision == "auto" else settings.precision
     if plan.refraction:
