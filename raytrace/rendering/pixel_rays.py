@@ -11,6 +11,7 @@ from raytrace.passes.camera import make_view
 from raytrace.records import Camera, Scene
 from raytrace.rendering.rendering import override, size_of
 from raytrace.scene.load import load
+from raytrace.scene.other_camera import in_view
 
 RIGID = 1e-6  # largest difference of R^T R from 1, and of the last row of a pose from 0, 0, 0, 1
 
@@ -87,7 +88,8 @@ def camera_rays(
         raise OptionError("pose: only beside K; the scene has its camera")
     if not isinstance(scene, Scene):
         scene = load(scene)
-    return _scene_rays(scene.camera, override(scene.settings, None, size, None, None, None).size)
+    size = override(scene.settings, None, size, None, None, None).size
+    return _scene_rays(in_view(scene, size).camera, size)
 
 
 def _scene_rays(camera: Camera, size: tuple[int, int]) -> Rays:

@@ -22,6 +22,7 @@ from raytrace.rendering.result import Render
 from raytrace.rendering.run import Run
 from raytrace.rendering.wavefront import BATCH
 from raytrace.scene.load import load
+from raytrace.scene.other_camera import in_view, with_camera
 from raytrace.scene.path_plan import needs_paths
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
 
 def render(
-    scene: Scene | str | Path | dict[str, Any],
+    scene: Scene | str | Path | dict[str, Any] | Any,
     spp: int | None = None,
     size: tuple[int, int] | None = None,
     seed: int | None = None,
@@ -54,8 +55,8 @@ def render(
 
     Parameters
     ----------
-    scene : Scene, str, Path or dict
-        A loaded scene, the path of a scene file, or the content of one.
+    scene : Scene, str, Path, dict or mesh
+        A loaded scene; or what ``load`` accepts: a scene file, its content, a mesh, or a mesh file.
     spp, size, seed, precision, sampler : optional
         Samples per pixel; image size (width, height) in pixels; random seed, 0 .. 2**32 - 1; "auto", "float32" or
         "float64"; "sobol", "stratified" or "independent". Default: the scene's settings.
@@ -129,10 +130,7 @@ def render(
     layers, limit, count = layers_of(aov), seconds_of(time_limit), parallel.thread_count(threads)
     if "uv" in layers:
         scene.corner_uv  # noqa: B018 - may read files: what is wrong with them is an error now, not after the render
-    if camera is not None:
-        from raytrace.scene.other_camera import with_camera
-
-        scene = with_camera(scene, camera)
+    scene = in_view(scene, settings.size) if camera is None else with_camera(scene, camera)
     plan = plan_of(scene)
     precision = plan.precision.name if settings.precision == "auto" else settings.precision
     if plan.refraction:

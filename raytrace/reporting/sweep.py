@@ -106,8 +106,8 @@ def report(
 
     Parameters
     ----------
-    scene : Scene, str, Path or dict
-        A loaded scene, a scene file, or its content.
+    scene : Scene, str, Path, dict or mesh
+        A loaded scene, or what ``load`` accepts.
     folder : str or Path
         Created if missing; ``report.json``, ``report.html`` and the plots are written there.
     reference : path, optional

@@ -53,7 +53,7 @@ def load(
     A mesh or mesh file without a camera is seen from the diagonal (1, 1, 1) of its bounding sphere, y up, with ``fov``
     40. Without lights it is in a constant environment of radiance 1. Without materials it is diffuse, albedo 0.7 on
     both sides. Cameras, lights and materials of a GLB or glTF file, and the camera and the lights that were set in a
-    ``trimesh.Scene``, are used.
+    ``trimesh.Scene``, are used. Where such a material is a metal, the integrator is ``path``.
 
     Examples
     --------

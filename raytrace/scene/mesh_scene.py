@@ -3,6 +3,8 @@
 - No camera: on the diagonal (1, 1, 1) of the bounding sphere, y up, with everything in view.
 - No lights: the same radiance, 1, from all directions.
 - No material: diffuse, albedo 0.7 on both sides.
+
+The settings are the defaults of the format, but where a material is a metal the integrator is ``path``.
 """
 
 import math
@@ -15,13 +17,14 @@ import numpy as np
 
 from raytrace.errors import RaytraceError, SceneError, printable, shortened
 from raytrace.memory import Allowance
-from raytrace.records import Camera, Mesh, Scene
+from raytrace.records import CONDUCTOR, ROUGH_CONDUCTOR, Camera, Mesh, Scene, Settings
 from raytrace.scene import positions
 from raytrace.scene.files import FORMATS_WITH_MATERIALS, Reach, format_of, locate
 from raytrace.scene.load import read_scene
 from raytrace.scene.meshes.entries import Entry
 from raytrace.scene.meshes.given import is_mesh
 from raytrace.scene.meshes.trimesh_scenes import is_trimesh_scene, scene_of
+from raytrace.scene.other_camera import framed
 from raytrace.scene.text import MAX_TEXT, Text, from_dict
 
 FOV = 40.0  # degrees
@@ -59,7 +62,8 @@ def load_mesh(source: Any, root: Path | None, max_memory: int | None) -> Scene:
         entry["objects"] = [{"mesh": path.name, "material": {"from": "file"} if own else GREY}]
     elif is_trimesh_scene(source):
         name = "trimesh.Scene"
-        entry, names, left_out = scene_of(source, GREY)
+        with np.errstate(all="ignore"):
+            entry, names, left_out = scene_of(source, GREY)
     elif is_mesh(source):
         name = "mesh"
         entry["objects"] = [{"mesh": source, "material": GREY}]
@@ -68,12 +72,13 @@ def load_mesh(source: Any, root: Path | None, max_memory: int | None) -> Scene:
     if any(getattr(getattr(each["mesh"], "visual", None), "defined", False) for each in entry["objects"]):
         left_out.append("the colours and materials of trimesh")
     entry["materials"] = {GREY: MATERIAL} if entry["objects"][0]["material"] == GREY else {}
-    framed = "camera" not in entry
+    chosen = "camera" not in entry
     text = from_dict({"camera": ANY_CAMERA, "lights": [SKY]} | entry)
     scene = read_scene(_MeshText(name, text, names), path, reach)
-    camera = _in_view(scene.mesh) if framed else _towards(scene.camera, scene.mesh)
+    camera = _diagonal(scene.mesh) if chosen else _towards(scene.camera, scene.mesh)
     warnings = (f"{printable(name)}: left out: {shortened(', '.join(left_out), MAX_TEXT)}",) if left_out else ()
-    return replace(scene, camera=camera, warnings=scene.warnings + warnings)
+    scene = replace(scene, camera=camera, settings=_settings(scene), warnings=scene.warnings + warnings)
+    return framed(scene) if chosen else scene
 
 
 def _view_of_file(path: Path, max_memory: int | None) -> tuple[Entry, list[str]]:
@@ -88,11 +93,18 @@ def _view_of_file(path: Path, max_memory: int | None) -> tuple[Entry, list[str]]
     except (RaytraceError, ValueError, RecursionError):  # reported when its meshes are read
         return {}, []
     try:
-        return view_of(document)
+        with np.errstate(all="ignore"):  # what is not finite is reported with its place
+            return view_of(document)
     except RaytraceError:
         raise
     except (ValueError, OverflowError) as error:
         raise SceneError([f"{path}: {error}"]) from None
+
+
+def _settings(scene: Scene) -> Settings:
+    """Return the settings of a scene: with metals, all the light, since they would reflect other surfaces as black."""
+    metals = np.isin(scene.materials.kind, (CONDUCTOR, ROUGH_CONDUCTOR)).any()
+    return scene.settings._replace(integrator="path") if metals else scene.settings
 
 
 class _MeshText(Text):
@@ -124,8 +136,8 @@ class _MeshText(Text):
 # Cameras --------------------------------------------------------------------------------------------------------------
 
 
-def _in_view(mesh: Mesh) -> Camera:
-    """Return a camera that sees a whole mesh, if the image is not taller than wide."""
+def _diagonal(mesh: Mesh) -> Camera:
+    """Return a camera that sees a whole mesh; ``in_view`` moves it for images that are taller than wide."""
     centre, radius = _sphere(mesh)
     distance = MARGIN * radius / math.sin(math.radians(FOV / 2)) if radius > 0 else 1.0
     return Camera(centre + distance / math.sqrt(3), centre, UP, FOV, focus=distance)

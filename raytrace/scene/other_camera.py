@@ -1,12 +1,16 @@
 """Scenes that differ from another one only in their camera, and share with it what does not depend on the camera."""
 
+import math
+from dataclasses import replace
 from typing import Any
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, WeakSet
 
 from raytrace.errors import SceneError
-from raytrace.records import Scene
+from raytrace.records import Camera, Scene
 
 _bases: WeakKeyDictionary[Scene, Scene] = WeakKeyDictionary()  # scene with another camera -> the scene it comes from
+
+_framed: WeakSet[Scene] = WeakSet()  # scenes without a camera of their own
 
 
 def base_of(scene: Scene) -> Scene:
@@ -43,8 +47,6 @@ def with_camera(scene: Scene, camera: dict[str, Any]) -> Scene:
     Traceback (most recent call last):
     raytrace.errors.SceneError: camera.fov: expected a number > 0, got -30
     """
-    from dataclasses import replace
-
     from raytrace.scene.assemble import camera_of
     from raytrace.scene.checks import check_camera
     from raytrace.scene.format import read_camera
@@ -58,9 +60,35 @@ def with_camera(scene: Scene, camera: dict[str, Any]) -> Scene:
     view, problems = read_camera(data)
     if problems := problems + list(check_camera(data)):
         raise text.error(problems, {})
-    base = base_of(scene)
-    other = replace(scene, camera=camera_of(view))
+    return _sharing(scene, camera_of(view))
+
+
+def _sharing(scene: Scene, camera: Camera) -> Scene:
+    other = replace(scene, camera=camera)
     if "corner_uv" in vars(scene):  # read from files
         vars(other)["corner_uv"] = scene.corner_uv
-    _bases[other] = base
+    _bases[other] = base_of(scene)
     return other
+
+
+def framed(scene: Scene) -> Scene:
+    """Note that the camera of a scene was chosen so that everything is in view, and return the scene."""
+    _framed.add(scene)
+    return scene
+
+
+def in_view(scene: Scene, size: tuple[int, int]) -> Scene:
+    """Return a scene whose camera is far enough for an image of a size, if it was chosen so that everything is in view.
+
+    Notes
+    -----
+    The bounding sphere touches the edges of an image with half the angle a at the distance r / sin a. In an image that
+    is taller than wide, the horizontal angle counts: tan a' = tan a x width / height.
+    """
+    if size[0] >= size[1] or scene not in _framed:
+        return scene
+    camera = scene.camera
+    half = math.radians(camera.fov / 2)
+    factor = math.sin(half) / math.sin(math.atan(math.tan(half) * size[0] / size[1]))
+    position = camera.look_at + factor * (camera.position - camera.look_at)
+    return _sharing(scene, camera._replace(position=position, focus=factor * camera.focus))

@@ -140,13 +140,13 @@ def _left_out(refraction: bool, smooth: bool, transparent: bool, lights: int) ->
     return tuple((what, why) for what, why, needed in rows if not needed)
 
 
-def explain(scene: Scene | str | Path | dict[str, Any], integrator: str | None = None) -> Plan:
+def explain(scene: Scene | str | Path | dict[str, Any] | Any, integrator: str | None = None) -> Plan:
     """Return what rendering a scene needs, what is left out, and why.
 
     Parameters
     ----------
-    scene : Scene, str, Path or dict
-        A loaded scene, a scene file, or its content.
+    scene : Scene, str, Path, dict or mesh
+        A loaded scene, or what ``load`` accepts.
     integrator : {"direct", "path"}, optional
         As for ``render``; default: what the scene says.
 

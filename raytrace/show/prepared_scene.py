@@ -16,7 +16,7 @@ from raytrace.scene.load import load
 from raytrace.scene.plan import make_plan
 
 LABELS = {"sah": "SAH", "median": "median"}  # names of splits in titles
-AnyScene = Scene | str | Path | dict[str, Any]
+AnyScene = Scene | str | Path | dict[str, Any] | Any  # Any: a mesh
 
 
 class PreparedScene(NamedTuple):

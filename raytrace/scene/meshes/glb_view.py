@@ -73,7 +73,7 @@ def _camera(camera: Record, placed: PlacedNode) -> Entry:
     else:
         raise ValueError(f"cameras: expected the type perspective or orthographic, got {str(kind)[:40]}")
     if not aspect > 0:
-        raise ValueError(f"cameras: aspectRatio: expected a number > 0, got {aspect}")
+        raise ValueError(f"cameras: expected a width over height > 0, got {aspect}")
     aspect = min(max(aspect, NARROW), 1 / NARROW)
     size = (LONGER, round(LONGER / aspect)) if aspect > 1 else (round(LONGER * aspect), LONGER)
     return {"camera": entry, "film": {"size": size}}
