@@ -1,8 +1,5 @@
 """``camera_rays``: the rays through the pixel centres of a camera, for programs that trace them on their own."""
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -12,6 +9,7 @@ from raytrace.records import Camera, Scene
 from raytrace.rendering.rendering import override, size_of
 from raytrace.scene.load import load
 from raytrace.scene.other_camera import in_view
+from raytrace.scene.sources import Source
 
 RIGID = 1e-6  # largest difference of R^T R from 1, and of the last row of a pose from 0, 0, 0, 1
 
@@ -19,7 +17,7 @@ Rays = tuple[NDArray[np.float64], NDArray[np.float64]]  # (h, w, 3) each
 
 
 def camera_rays(
-    scene: Scene | str | Path | dict[str, Any] | Any = None,
+    scene: Scene | Source | None = None,
     size: tuple[int, int] | None = None,
     *,
     K: ArrayLike | None = None,

@@ -24,6 +24,7 @@ from raytrace.rendering.wavefront import BATCH
 from raytrace.scene.load import load
 from raytrace.scene.other_camera import in_view, with_camera
 from raytrace.scene.path_plan import needs_paths
+from raytrace.scene.sources import Source
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def render(
-    scene: Scene | str | Path | dict[str, Any] | Any,
+    scene: Scene | Source,
     spp: int | None = None,
     size: tuple[int, int] | None = None,
     seed: int | None = None,

@@ -14,15 +14,14 @@ from raytrace.scene.check_textures import textures_in
 from raytrace.scene.files import FORMATS, OTHERS, Reach, check_root, format_of, locate, locate_image
 from raytrace.scene.format import read_format
 from raytrace.scene.problems import MAX_PROBLEMS, Problem, file_problem, shape_problem
+from raytrace.scene.sources import Source
 from raytrace.scene.text import Text, from_dict, read_file
 
 if TYPE_CHECKING:
     from raytrace.records import Scene
 
 
-def load(
-    source: str | Path | dict[str, Any] | Any, root: str | Path | None = None, max_memory: int | None = None
-) -> "Scene":
+def load(source: Source, root: str | Path | None = None, max_memory: int | None = None) -> "Scene":
     """Load and check a scene.
 
     Parameters
@@ -75,7 +74,7 @@ def load(
     >>> scene.camera.look_at.tolist(), scene.camera.fov
     ([0.5, 0.5, 0.0], 40.0)
     """
-    if _is_mesh(source):
+    if not isinstance(source, str | os.PathLike | dict) or _is_mesh_file(source):
         from raytrace.scene.mesh_scene import load_mesh
 
         return load_mesh(source, check_root(root), max_memory)
@@ -88,11 +87,9 @@ def load(
     return read_scene(text, path, reach)
 
 
-def _is_mesh(source: Any) -> bool:
-    """Return whether something to load is a mesh or the path of one, and no scene."""
-    if isinstance(source, str | os.PathLike):
-        return format_of(Path(source)) in FORMATS + OTHERS
-    return not isinstance(source, dict)
+def _is_mesh_file(source: str | Path | dict[str, Any]) -> bool:
+    """Return whether something to load is the path of a mesh, and no scene."""
+    return not isinstance(source, dict) and format_of(Path(source)) in FORMATS + OTHERS
 
 
 def read_scene(text: Text, path: Path | None, reach: Reach) -> "Scene":
