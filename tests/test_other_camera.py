@@ -102,6 +102,14 @@ WRONG = {
 }
 
 
+@pytest.mark.parametrize("camera", [PINHOLE, LENS, FLAT], ids=["pinhole", "lens", "orthographic"])
+def test_a_camera_may_be_that_of_a_scene(camera):
+    scene, other = rt.load(SCENE), rt.load(SCENE | {"camera": camera})
+    assert with_camera(scene, other.camera).sha256 == other.sha256
+    with pytest.raises(rt.SceneError, match="camera looks at its own position"):
+        rt.render(scene, camera=other.camera._replace(look_at=other.camera.position))
+
+
 @pytest.mark.parametrize("name", WRONG)
 def test_a_wrong_camera_gets_the_messages_of_a_scene(name):
     camera, texts = WRONG[name]

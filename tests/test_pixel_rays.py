@@ -117,6 +117,7 @@ WRONG = {
     "nan": ({"K": K * np.nan, "size": SIZE}, "K: a number is not finite"),
     "transposed K": ({"K": K.T, "size": SIZE}, "below the diagonal; is it transposed"),
     "flat": ({"K": np.diag([1.0, 0, 1]), "size": SIZE}, "K: not invertible"),
+    "tiny": ({"K": np.diag([1e-310, 1, 1]), "size": SIZE}, "K: its inverse is beyond"),
     "scaled": ({"K": K, "pose": pose(1.00001 * np.eye(3)), "size": SIZE}, "not a rotation"),
     "sheared": ({"K": K, "pose": pose(np.eye(3) + np.eye(3, k=1)), "size": SIZE}, "not a rotation"),
     "mirrored": ({"K": K, "pose": MIRROR, "size": SIZE}, "it mirrors"),

@@ -101,11 +101,14 @@ def _scene_rays(camera: Camera, size: tuple[int, int]) -> Rays:
 
 def _intrinsic_rays(k: NDArray[np.float64], pose: NDArray[np.float64], size: tuple[int, int]) -> Rays:
     x, y = _centres(size)
-    z = 1.0 / k[2, 2]  # K^-1 (x, y, 1) by back substitution
-    b = (y - k[1, 2] * z) / k[1, 1]
-    a = (x - k[0, 1] * b - k[0, 2] * z) / k[0, 0]
     turn = pose[:3, :3]
-    d = a[..., None] * turn[:, 0] + b[..., None] * turn[:, 1] + z * turn[:, 2]
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # refused below
+        z = 1.0 / k[2, 2]  # K^-1 (x, y, 1) by back substitution
+        b = (y - k[1, 2] * z) / k[1, 1]
+        a = (x - k[0, 1] * b - k[0, 2] * z) / k[0, 0]
+        d = a[..., None] * turn[:, 0] + b[..., None] * turn[:, 1] + z * turn[:, 2]
+    if not np.isfinite(d).all():
+        raise OptionError("K: its inverse is beyond the range of float64")
     return np.broadcast_to(pose[:3, 3], d.shape).copy(), _unit(d)
 
 

@@ -12,7 +12,7 @@ from raytrace.errors import OptionError
 from raytrace.limits import LAYERS, LIGHT_LAYERS, MAX_PIXELS, MAX_SEED, MAX_SIDE, MAX_SPP
 from raytrace.memory import RenderSize, check_render
 from raytrace.passes.film import BINS
-from raytrace.records import Scene, Settings, Window
+from raytrace.records import Camera, Scene, Settings, Window
 from raytrace.rendering import adaptive
 from raytrace.rendering.checkpoint import Checkpoint
 from raytrace.rendering.compiled_scene import plan_of, trees_of
@@ -41,7 +41,7 @@ def render(
     sampler: str | None = None,
     *,
     integrator: str | None = None,
-    camera: dict[str, Any] | None = None,
+    camera: dict[str, Any] | Camera | None = None,
     threads: int | None = None,
     progress: Callable[[Progress], None] | Literal[False] | None = None,
     aov: Sequence[str] = (),
@@ -63,9 +63,10 @@ def render(
         "float64"; "sobol", "stratified" or "independent". Default: the scene's settings.
     integrator : {"direct", "path"}, optional
         Light that comes straight from the lights, or all the light. Default: what the scene says.
-    camera : dict, optional
-        Another camera, as ``camera`` in a scene file: for turntables. A loaded scene keeps its trees from one camera to
-        the next. Its ``fov`` is vertical: another ``size`` shows more or less at the sides.
+    camera : dict or Camera, optional
+        Another camera, as ``camera`` in a scene file, or one like ``scene.camera``: for turntables. A loaded scene
+        keeps its trees from one camera to the next. ``fov`` is vertical: another ``size`` shows more or less at the
+        sides.
     threads : int, optional
         Number of threads. Default: one per core that the process may use. The image is bit-identical for any number.
     progress : callable or False, optional

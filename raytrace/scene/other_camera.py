@@ -18,14 +18,14 @@ def base_of(scene: Scene) -> Scene:
     return _bases.get(scene, scene)
 
 
-def with_camera(scene: Scene, camera: dict[str, Any]) -> Scene:
+def with_camera(scene: Scene, camera: dict[str, Any] | Camera) -> Scene:
     """Return a scene seen by another camera.
 
     Parameters
     ----------
     scene : Scene
-    camera : dict
-        As ``camera`` in a scene file; it may contain NumPy arrays.
+    camera : dict or Camera
+        As ``camera`` in a scene file; it may contain NumPy arrays. Or one like ``scene.camera``.
 
     Returns
     -------
@@ -52,8 +52,9 @@ def with_camera(scene: Scene, camera: dict[str, Any]) -> Scene:
     from raytrace.scene.format import read_camera
     from raytrace.scene.text import Text, from_dict
 
+    entry = _entry(camera) if isinstance(camera, Camera) else camera
     try:
-        text = Text("", from_dict({"camera": camera}).text, in_file=False)
+        text = Text("", from_dict({"camera": entry}).text, in_file=False)
     except SceneError as error:
         raise SceneError([f"camera: {line.removeprefix('scene: ')}" for line in error.problems]) from None
     data = text.parse()["camera"]
@@ -61,6 +62,14 @@ def with_camera(scene: Scene, camera: dict[str, Any]) -> Scene:
     if problems := problems + list(check_camera(data)):
         raise text.error(problems, {})
     return _sharing(scene, camera_of(view))
+
+
+def _entry(camera: Camera) -> dict[str, Any]:
+    """Return a camera in the scene format."""
+    entry: dict[str, Any] = {key: getattr(camera, key) for key in ("position", "look_at", "up")}
+    if camera.height is not None:
+        return entry | {"type": "orthographic", "height": camera.height}
+    return entry | {"fov": camera.fov, "aperture": camera.aperture, "focus": camera.focus}
 
 
 def _sharing(scene: Scene, camera: Camera) -> Scene:
