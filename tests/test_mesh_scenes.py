@@ -395,6 +395,18 @@ def test_the_camera_and_the_lights_that_were_set_are_used():
     assert scene.warnings == ("trimesh.Scene: left out: the radius of lights",)
 
 
+def test_rays_of_the_camera_are_those_of_trimesh():
+    source = trimesh_scene()
+    across = 2 * math.degrees(math.atan(math.tan(math.radians(20)) * 4 / 3))
+    source.camera = trimesh.scene.Camera(resolution=(12, 9), fov=(across, 40))
+    source.camera_transform = SPACE.rotation_matrix(0.7, [1, 2, 3]) @ SPACE.translation_matrix([0.2, 0.3, 5])
+    theirs = source.camera_rays()
+    origins, directions = rt.camera_rays(source)
+    x, y = theirs[2].T
+    np.testing.assert_allclose(theirs[0], origins[8 - y, x], atol=1e-14)  # it counts rows from the bottom
+    np.testing.assert_allclose(theirs[1], directions[8 - y, x], atol=1e-14)
+
+
 def test_what_trimesh_has_and_a_scene_has_not_is_named():
     source = trimesh_scene()
     source.add_geometry(trimesh.PointCloud(np.zeros((3, 3))), geom_name="cloud")
