@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from raytrace.image.metrics import compare
     from raytrace.optics import reflect, refract, spawn_ray
     from raytrace.records import Hits, Scene, Surface
+    from raytrace.rendering.pixel_rays import camera_rays
     from raytrace.rendering.rendering import render
     from raytrace.rendering.result import Render
     from raytrace.reporting.sweep import report
@@ -33,6 +34,7 @@ _HOME = {
     "Scene": "records",
     "SceneError": "errors",
     "Surface": "records",
+    "camera_rays": "rendering.pixel_rays",
     "compare": "image.metrics",
     "demo": "scene.demo_scene",
     "explain": "scene.plan",
@@ -55,6 +57,7 @@ __all__ = [
     "SceneError",
     "Surface",
     "bsdf",
+    "camera_rays",
     "compare",
     "demo",
     "explain",

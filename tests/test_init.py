@@ -40,7 +40,7 @@ HEAVY = {
     "OpenEXR",
     "rich",
 }
-FUNCTIONS = {"load", "render", "explain", "compare", "demo", "reflect", "refract", "report", "spawn_ray"}
+FUNCTIONS = {"camera_rays", "load", "render", "explain", "compare", "demo", "reflect", "refract", "report", "spawn_ray"}
 CLASSES = {"BVH", "Render", "Scene", "Hits", "Surface", "RaytraceError", "SceneError", "FileError", "OptionError"}
 ROOMS = {"bsdf", "show", "textbook"}
 SUBMODULES = [

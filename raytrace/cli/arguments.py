@@ -148,7 +148,7 @@ RENDER_OPTIONS = (
 
 def scene_options(parser: ArgumentParser) -> None:
     """Declare the scene file and the options for loading it."""
-    parser.add_argument("scene", type=Path, help="scene file (JSON)")
+    parser.add_argument("scene", type=Path, help="scene file (JSON), or a mesh file")
     _load_options(parser)
 
 

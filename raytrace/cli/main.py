@@ -24,6 +24,7 @@ EXAMPLES = """\
 examples:
   raytrace demo                                                writes demo.png
   raytrace scenes/cornell-box.json                             writes cornell-box.png
+  raytrace vase.glb                                            a mesh without a scene: .obj, .ply, .stl, ...
   raytrace scene.json -o a.exr --spp 256 --aov depth,normal    more samples; linear radiance with layers
   raytrace explain scene.json                                  what the scene needs, and what is left out
 """
