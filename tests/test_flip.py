@@ -4,10 +4,10 @@ import json
 import os
 from pathlib import Path
 
-import naive_flip
 import numpy as np
 import pytest
 
+import naive_flip
 from raytrace.cli import main
 from raytrace.errors import OptionError
 from raytrace.image import flip
@@ -26,7 +26,7 @@ def not_installed(monkeypatch):
 
 
 def pair():
-    """A reference with an edge, and an image with noise, a wrong level and one bright pixel; linear light, (26, 24, 3)."""
+    """A reference with an edge, and an image with noise, a wrong level and a bright pixel: light, (26, 24, 3)."""
     y, x = np.mgrid[0:26, 0:24] / 26
     reference = np.stack([0.8 * x, 0.3 + 0.2 * np.sin(9 * x * y), 0.7 * y], axis=-1)
     reference[8:16, 8:18] = 0.9, 0.1, 0.05
@@ -76,7 +76,7 @@ def test_the_published_pair_has_the_published_mean(kind):
 
 @needs_flip
 def test_equal_images_have_none_and_black_references_no_exposure():
-    image, reference = pair()
+    _, reference = pair()
     same = compare(reference, reference)
     assert (same.flip, same.hdr_flip, same.mrse) == (0.0, 0.0, 0.0)
     black = np.zeros((4, 4, 3))

@@ -25,8 +25,8 @@ def compared(args: Namespace) -> bool:
     if args.alpha is not None and not args.z_test:
         raise ArgumentError(None, "--alpha: is the level of --z-test; add that option")
     try:
-        measured = raytrace.compare(args.image, args.reference, flip=args.flip)
         test = _tested(args) if args.z_test else {}
+        measured = raytrace.compare(args.image, args.reference, flip=args.flip)
     except RaytraceError:
         raise
     except ValueError as error:  # the sizes differ

@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 from raytrace.errors import OptionError
 from raytrace.image.files import LUMINANCE, srgb_encode
 
-PIXELS_PER_DEGREE = (
-    67.0206  # of visual angle: a screen of 3840 pixels and 0.7 m, seen from 0.7 m, as in [Andersson2020]
-)
+PIXELS_PER_DEGREE = 67.0206  # of visual angle: 3840 pixels on 0.7 m, seen from 0.7 m, as in [Andersson2020]
 DARKEST = 1e-6  # luminance: HDR-FLIP has no exposure for a reference that is darker than this everywhere
 INSTALL = "pip install flip-evaluator"
 MISSING = f"flip, hdr_flip: not measured, because flip-evaluator is not installed: {INSTALL}"

@@ -124,7 +124,7 @@ def z_test(image: Any, reference: Any, alpha: float = ALPHA) -> ZTest:
         pixel_z=float(np.abs(pixel).max()),
         reason="",
     )
-    return found if found.p >= alpha else found._replace(reason=_reason(found, whole, p_whole <= p_tile))
+    return found if found.p >= alpha else found._replace(reason=_reason(found, whole, _corrected(p_whole, 2) < alpha))
 
 
 def _noisy(image: Any, name: str) -> Noisy:
