@@ -68,7 +68,7 @@ def test_one_tile_is_found():
     rng, deviation = np.random.default_rng(6), np.full((*SIZE, 3), 0.02)
     a, b = (image(rng, NOISES["normal"], deviation) for _ in range(2))
     assert z_test(a, b).passed
-    a.rgb[8:16, 12:20, 2] += 0.02
+    a.rgb[8:16, 12:20, 2] += 0.012
     found = z_test(a, b)
     assert (found.tile_at, found.tile_channel, found.passed) == ((8, 12), "blue", False)
     assert "blue of the tile at row 8, column 12: z = +" in found.reason
