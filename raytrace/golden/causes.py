@@ -6,7 +6,7 @@ from itertools import permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.image.files import srgb_decode, srgb_encode
+from raytrace.image.files import srgb_encode
 
 Light = NDArray[np.float64]  # (h, w, 3): linear light
 REMAINS = 0.2  # a cause is named if it leaves at most this share of the difference (root mean square)
@@ -27,7 +27,8 @@ FACTORS = {
 }
 CHANNELS = "red", "green", "blue"
 EVERYWHERE = slice(None), slice(None)
-Candidate = tuple[str, str, Light, tuple[slice, slice]]  # kind, what was done, the result, where in the actual image
+Codes = NDArray[np.float64]  # (h, w, 3): sRGB codes that are not clipped
+Candidate = tuple[str, str, Codes, tuple[slice, slice]]  # kind, what was done, its codes, where in the actual image
 
 
 def likely_causes(actual: Light, expected: Light) -> list[str]:
@@ -55,34 +56,34 @@ def likely_causes(actual: Light, expected: Light) -> list[str]:
     """
     finite = np.isfinite(actual).all(axis=2, keepdims=True)
     actual = np.where(finite, actual, expected)
-    shown, best = _codes(actual), dict[str, tuple[float, str]]()
-    for kind, text, changed, (rows, columns) in _candidates(actual, expected):
-        before = _size(shown[rows, columns] - _codes(expected[rows, columns]))
-        share = _size(shown[rows, columns] - _codes(changed)) / before if before else 1.0
+    shown, codes, best = _codes(actual), _codes(expected), dict[str, tuple[float, str]]()
+    for kind, text, changed, (rows, columns) in _candidates(actual, expected, codes):
+        before = _size(shown[rows, columns] - codes[rows, columns])
+        share = _size(shown[rows, columns] - changed) / before if before else 1.0
         if share < SIMPLER * best.get(kind, (REMAINS / SIMPLER, ""))[0]:
             best[kind] = share, text
     scored = sorted(best.values(), key=lambda each: each[0])
     return [text for share, text in scored if share <= scored[0][0] + AS_LIKELY]
 
 
-def _candidates(actual: Light, expected: Light) -> Iterator[Candidate]:
-    """Candidates, for each kind the simplest first."""
-    yield "place", "it is flipped left to right", expected[:, ::-1], EVERYWHERE
-    yield "place", "it is flipped upside down", expected[::-1], EVERYWHERE
-    yield "place", "it is rotated by 180 degrees", expected[::-1, ::-1], EVERYWHERE
+def _candidates(actual: Light, expected: Light, codes: Codes) -> Iterator[Candidate]:
+    """Candidates, for each kind the simplest first; ``codes`` are those of the expected image."""
+    yield "place", "it is flipped left to right", codes[:, ::-1], EVERYWHERE
+    yield "place", "it is flipped upside down", codes[::-1], EVERYWHERE
+    yield "place", "it is rotated by 180 degrees", codes[::-1, ::-1], EVERYWHERE
     if actual.shape[0] == actual.shape[1]:
-        yield "place", "rows and columns are swapped", expected.transpose(1, 0, 2), EVERYWHERE
+        yield "place", "rows and columns are swapped", codes.transpose(1, 0, 2), EVERYWHERE
     for down, right in product(range(-FARTHEST, FARTHEST + 1), repeat=2):
         if (down, right) != (0, 0) and min(actual.shape[:2]) > 4 * FARTHEST:
             (to_rows, from_rows), (to_columns, from_columns) = _moved(down), _moved(right)
-            yield "place", _shift(down, right), expected[from_rows, from_columns], (to_rows, to_columns)
+            yield "place", _shift(down, right), codes[from_rows, from_columns], (to_rows, to_columns)
     for order in list(permutations(range(3)))[1:]:
-        yield "channels", _permuted(order), expected[..., order], EVERYWHERE
+        yield "channels", _permuted(order), codes[..., order], EVERYWHERE
     text = "gamma is applied once too often, or not undone: sRGB codes are taken for linear light"
-    yield "gamma", text, srgb_encode(expected), EVERYWHERE
+    yield "gamma", text, _codes(srgb_encode(expected)), EVERYWHERE
     text = "gamma is missing, or undone once too often: linear light is taken for sRGB codes"
-    yield "gamma", text, srgb_decode(np.clip(expected, 0.0, 1.0)), EVERYWHERE
-    yield from (("factor", *each, EVERYWHERE) for each in _scaled(actual, expected))
+    yield "gamma", text, np.clip(expected, 0.0, 1.0), EVERYWHERE
+    yield from (("factor", text, _codes(light), EVERYWHERE) for text, light in _scaled(actual, expected))
 
 
 def _scaled(actual: Light, expected: Light) -> Iterator[tuple[str, Light]]:
