@@ -147,16 +147,16 @@ def _maps(actual: NDArray[np.float64], golden: GoldenImage, comparison: Comparis
         _signed("difference", difference, _scale(difference, golden.rgb, comparison), "(worst channel)", finite),
         Panel("SSIM", f"black {least:.3g}, white 1", (255 * grey + 0.5).astype(np.uint8)),
     ]
-    if flip.available():
-        seen = flip.flip_map(shown, golden.rgb)
-        top = float(seen.max()) or 1.0
-        grey = np.clip(1 - seen / top, 0, 1)[..., None] * np.ones(3)
-        maps.append(Panel("FLIP", f"white 0, black {top:.3g}", (255 * grey + 0.5).astype(np.uint8)))
     worst = difference
     if golden.stderr is not None:
         noise = noise_of(golden.rgb, golden.stderr, golden.pictures)
         worst = in_deviations((shown - golden.rgb) @ LUMINANCE, noise)
         maps.append(_signed("difference in standard deviations", worst, 5.0, "deviations", finite))
+    if flip.available():
+        seen = flip.flip_map(shown, golden.rgb)
+        top = float(seen.max()) or 1.0
+        grey = np.clip(1 - seen / top, 0, 1)[..., None] * np.ones(3)
+        maps.append(Panel("FLIP", f"white 0, black {top:.3g}", (255 * grey + 0.5).astype(np.uint8)))
     return maps, find(worst, finite, comparison)
 
 
