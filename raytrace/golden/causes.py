@@ -10,6 +10,7 @@ from raytrace.image.files import srgb_encode
 
 Light = NDArray[np.float64]  # (h, w, 3): linear light
 REMAINS = 0.2  # a cause is named if it leaves at most this share of the difference (root mean square)
+EXACT = 1e-3  # no candidate is better than one that leaves this share
 SIMPLER = 0.5  # of one kind, a later candidate is named if it leaves less than this share of what a simpler one leaves
 AS_LIKELY = 0.02  # causes of several kinds are named if what they leave differs by less than this
 FARTHEST = 2  # pixels: the largest shift that is tried
@@ -59,7 +60,7 @@ def likely_causes(actual: Light, expected: Light) -> list[str]:
     shown, codes, best = _codes(actual), _codes(expected), dict[str, tuple[float, str]]()
     for kind, text, changed, (rows, columns) in _candidates(actual, expected, codes):
         before = _size(shown[rows, columns] - codes[rows, columns])
-        share = _size(shown[rows, columns] - changed) / before if before else 1.0
+        share = max(_size(shown[rows, columns] - changed) / before, EXACT) if before else 1.0
         if share < SIMPLER * best.get(kind, (REMAINS / SIMPLER, ""))[0]:
             best[kind] = share, text
     scored = sorted(best.values(), key=lambda each: each[0])

@@ -32,6 +32,7 @@ small { color: #555; display: block; font-weight: normal; }
 figcaption { min-height: 2.9em; } .frame { position: relative; }
 img { image-rendering: pixelated; display: block; outline: 1px solid #bbb; width: 100%; }
 .mark { position: absolute; outline: 2px solid #111; box-shadow: 0 0 0 4px #fff; pointer-events: none; }
+@media (min-width: 1000px) { .row > figure { max-width: calc(50% - .5em); } }
 .swap img { cursor: pointer; }
 table { border-collapse: collapse; margin-top: 1em; } td { padding: .1em 1em .1em 0; } code { background: #f2f2f2; }
 """
