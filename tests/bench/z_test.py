@@ -35,7 +35,7 @@ def wilson(k, n, z=1.96):
     """95 % interval of a share."""
     p = k / n
     middle, half = p + z * z / (2 * n), z * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    return (middle - half) / (1 + z * z / n), (middle + half) / (1 + z * z / n)
+    return max((middle - half) / (1 + z * z / n), 0.0), (middle + half) / (1 + z * z / n)
 
 
 def share(rejected):
