@@ -74,8 +74,9 @@ def failure_page(failure: Failure) -> str:
         figures = [_figure(panel) for panel in both]
         if failure.verdict is not None:
             maps, marks = _maps(failure.actual, failure.golden, failure.verdict.comparison)
-            figures = [f'<div class="row swap">{"".join(_figure(panel, marks) for panel in both)}</div>']
-            figures += [_figure(panel, marks) for panel in maps]
+            outer = [mark for k, mark in enumerate(marks) if not any(each.contains(mark) for each in marks[:k])]
+            figures = [f'<div class="row swap">{"".join(_figure(panel, outer) for panel in both)}</div>']
+            figures += [_figure(panel, outer) for panel in maps]
             details = _details([*both, maps[0]], marks, failure.actual - failure.golden.rgb)
             hint = "<p><small>Click and hold the expected or actual image to compare.</small></p>"
             numbers = hint + _table(failure.verdict, failure.actual, failure.golden.rgb)
