@@ -10,6 +10,8 @@ import pytest
 import naive_flip
 from raytrace.cli import main
 from raytrace.errors import OptionError
+from raytrace.golden.gates import Gates, judge
+from raytrace.golden.store import GoldenImage
 from raytrace.image import flip
 from raytrace.image.files import load, save
 from raytrace.image.metrics import Limits, compare, violations
@@ -150,3 +152,23 @@ def test_without_the_package_the_command_says_once_what_to_install(files, capsys
     for option in (["--flip"], ["--max-flip", "0.1"], ["--max-hdr-flip", "0.1"]):
         assert main.main(["compare", *files, *option]) == 2
         assert capsys.readouterr().err == f"{option[0]}: needs flip-evaluator: pip install flip-evaluator\n"
+
+
+@needs_flip
+def test_flip_is_a_gate_of_golden_images_that_is_off_by_default():
+    image, reference = pair()
+    golden, others = GoldenImage(reference, None, 1), Gates(*[None] * len(Gates._fields))
+    assert Gates().max_flip is None
+    assert judge(image, golden, others)
+    assert "flip" not in str(judge(image, golden, others))
+    expected = flip.flip(image, reference)
+    assert judge(image, golden, others._replace(max_flip=1.01 * expected))
+    failed = judge(image, golden, others._replace(max_flip=0.99 * expected))
+    assert failed.broken == (f"flip {expected:.6g} is above {0.99 * expected:g}",)
+    assert f"flip {expected:.3g}" in str(failed)
+
+
+def test_the_gate_is_an_error_without_the_package(not_installed):
+    image, reference = pair()
+    with pytest.raises(OptionError, match=r"^max_flip: needs flip-evaluator: pip install flip-evaluator$"):
+        judge(image, GoldenImage(reference, None, 1), Gates(max_flip=0.1))
