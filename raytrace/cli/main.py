@@ -100,25 +100,9 @@ def _check(args: Namespace) -> int:
 
 
 def _compare(args: Namespace) -> int:
-    from raytrace.image.metrics import Limits, violations
+    from raytrace.cli.comparing import compared
 
-    try:
-        measured = raytrace.compare(args.image, args.reference)
-    except RaytraceError:
-        raise
-    except ValueError as error:  # the sizes differ
-        streams.say(printable(f"{args.image}, {args.reference}: {error}"))
-        return DIFFERENT
-    broken = violations(measured, Limits(**{name: getattr(args, name) for name in Limits._fields}))
-    if args.json:
-        streams.out(streams.json_text(measured._asdict() | {"violations": broken}))
-    else:
-        for name, value in measured._asdict().items():
-            numbers = value if isinstance(value, tuple) else (value,)
-            streams.out(f"{name:<14} {' '.join(f'{number:.6g}' for number in numbers)}")
-    for line in broken:
-        streams.say(line)
-    return DIFFERENT if broken else DONE
+    return DONE if compared(args) else DIFFERENT
 
 
 def _hard_cases(folder: Path) -> int:
