@@ -1,7 +1,8 @@
 """Exact arithmetic in kernels: sums and products of floats as expansions [Shewchuk1997].
 
-An expansion is a sum of floats that do not overlap, the smallest first and none of them zero. It holds a number exactly,
-and its last term has the sign of that number. Expansions lie in one array ``x``; one that begins at ``at`` has n terms.
+An expansion is a sum of floats that do not overlap, the smallest first and none of them zero. It holds a number
+exactly, and its last term has the sign of that number. Expansions lie in one array ``x``; one that begins at ``at`` has
+n terms.
 A vector of exact differences has six numbers there: x, y, z, each with its rounding error.
 
 Products must neither overflow nor underflow; the callers see to that.
