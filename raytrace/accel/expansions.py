@@ -8,11 +8,19 @@ A vector of exact differences has six numbers there: x, y, z, each with its roun
 Products must neither overflow nor underflow; the callers see to that.
 """
 
-from raytrace.accel.build import product_error
 from raytrace.jit import inlined, subroutine
 
 VECTOR = 6  # numbers of a vector
 TERMS = 192  # most terms of a triple product
+
+
+@inlined
+def product_error(a, b, p):
+    """A b - p exactly, for p = a b rounded, by splitting both factors into halves [Dekker1971]."""
+    ca, cb = 134217729.0 * a, 134217729.0 * b
+    a_high, b_high = ca - (ca - a), cb - (cb - b)
+    a_low, b_low = a - a_high, b - b_high
+    return ((a_high * b_high - p) + a_high * b_low + a_low * b_high) + a_low * b_low
 
 
 @inlined

@@ -31,9 +31,9 @@ def inside_exactly(corners: ArrayLike, points: ArrayLike, seed: int = 1) -> NDAr
     while len(left):
         oracle = Oracle(corners, places[left], uniform(seed, len(left), 3))
         c, many = oracle.crossings, np.bincount(oracle.group, minlength=len(oracle.corners))
-        on = np.bincount(c.ray[c.t == 0], minlength=len(left)) > 0
-        unclear = np.bincount(c.ray[(c.t > 0) & (c.kind != INTERIOR)], minlength=len(left)) > 0
-        ahead = c.t > 0
+        sense = oracle.ahead(c.ray, c.prim)
+        ahead, on = sense > 0, np.bincount(c.ray[sense == 0], minlength=len(left)) > 0
+        unclear = np.bincount(c.ray[ahead & (c.kind != INTERIOR)], minlength=len(left)) > 0
         odd = np.bincount(c.ray[ahead], many[oracle.group[c.prim[ahead]]], len(left)) % 2 == 1
         state[left] = np.where(on, SURFACE, np.where(unclear, -1, np.where(odd, INSIDE, OUTSIDE)))
         left, seed = left[~on & unclear], seed + 1
@@ -74,6 +74,7 @@ class HitJudge:
         prim = members[begin[here][row] + nth]
         order = np.lexsort((prim, c.ray[row]))
         self.row, self.key = row[order], (c.ray[row] * self.m + prim)[order]  # every pair that crosses, in order
+        self.ahead = self.oracle.ahead(c.ray, c.prim)
         length = np.sqrt((d.astype(np.float64) ** 2).sum(axis=1))
         self.slack = BACKWARD * float(np.finfo(o.dtype).eps) * self.oracle.reach(c.ray, c.prim)
         self.t_slack = self.slack / (c.cosine * length[c.ray])
@@ -105,8 +106,9 @@ class HitJudge:
         """Faults in crossings beyond tmin = 0: all interiors, once, and of edges and vertices only what exists."""
         c = self.oracle.crossings
         ray, key, exists, row = self._matched(hits)
-        lost = ~np.isin(self.key, key) & (c.kind[self.row] == INTERIOR) & (c.t[self.row] > 0)
-        false = ~exists | (c.t[row] <= 0 if len(row) and len(c.t) else ~exists)
+        lost = ~np.isin(self.key, key) & (c.kind[self.row] == INTERIOR) & (self.ahead[self.row] > 0)
+        false = ~exists
+        false[exists] = self.ahead[row[exists]] <= 0
         parity = 0
         if closed:
             sides = self.sides()
