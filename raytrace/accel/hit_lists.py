@@ -18,7 +18,7 @@ from raytrace.accel.undecided import decide_pairs
 from raytrace.errors import MemoryLimitError
 from raytrace.jit import inlined, kernel
 from raytrace.parallel import MAX_RANGE, share_out
-from raytrace.records import AllHits
+from raytrace.records import AllHits, WatertightLeaves
 
 if TYPE_CHECKING:
     from raytrace.accel.ray_queries import RayQueries
@@ -114,6 +114,8 @@ class HitTracer:
 
     def __init__(self, bvh: "RayQueries", fields: list[Field], n: int, crossings: bool, surface: bool = False) -> None:
         self._bvh, self._fields, self._kernel = bvh, fields, all_crossings if crossings else all_hits
+        leaves = WatertightLeaves(*bvh.tree.leaves) if crossings else bvh.tree.leaves  # the same memory in every tree
+        self._tree = bvh.tree._replace(leaves=leaves)
         self.dtype, self._rows, self._surface = bvh.triangles.dtype, min(MAX_RANGE, n), surface
         self._unused: list[_Scratch] = []
 
@@ -138,7 +140,7 @@ class HitTracer:
         while True:
             work = scratch.hits
             work.state[ON_SURFACE] = self._surface
-            self._kernel(bvh.tree, rays, scratch.counts, n, work)
+            self._kernel(self._tree, rays, scratch.counts, n, work)
             pairs = int(work.state[PAIRS])
             if not scratch.enlarge(room(int(work.state[USED]) + pairs), pairs):
                 break
