@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from raytrace.accel.ray_queries import RayQueries
 
 FEW = 24  # hits of a ray up to which insertion sorts them fastest
+FIRST_HITS, FIRST_PAIRS = 4.0, 0.125  # per ray: memory for the first rays
+MARGIN = 1.25  # more memory than the rays so far have needed
 HIT = 28  # most bytes of a hit
 UNCHECKED = 1 << 26  # bytes of hits for which the free memory is not looked up
 KEPT = 0.3  # share of the free memory that the hits of one range may take before they are sorted
@@ -118,6 +120,7 @@ class HitTracer:
         self._tree = bvh.tree._replace(leaves=leaves)
         self.dtype, self._rows, self._surface = bvh.triangles.dtype, min(MAX_RANGE, n), surface
         self._unused: list[_Scratch] = []
+        self._hits, self._pairs = FIRST_HITS, FIRST_PAIRS  # per ray, for which there is memory before they are traced
 
     def take(self) -> "_Scratch":
         """Return scratch memory that no other thread uses."""
@@ -127,23 +130,26 @@ class HitTracer:
         """Return scratch memory."""
         self._unused.append(scratch)
 
-    def trace(self, begin: int, end: int, scratch: "_Scratch", room: Callable[[int], int]) -> int:
+    def trace(self, begin: int, end: int, scratch: "_Scratch", room: Callable[[int, bool], int]) -> int:
         """Trace rays ``begin`` to ``end``; return the number of their hits, which are in scratch memory then.
 
-        ``room`` returns for how many hits there must be memory where there are at most as many as its argument. Rays
-        for whose hits there was too little are traced again.
+        ``room`` returns for how many hits there must be memory where there are, certainly or perhaps, as many as its
+        argument. Rays for whose hits there was too little are traced again.
         """
         bvh, n = self._bvh, end - begin
         given = rays_of(self._fields, begin, end, self.dtype)
         numbers, rays = reorder.coherent(given, n, bvh.grid, scratch.sort)
         scratch.numbers = scratch.identity if numbers is None else numbers
+        scratch.enlarge(room(int(n * self._hits), False), int(n * self._pairs))
         while True:
             work = scratch.hits
             work.state[ON_SURFACE] = self._surface
             self._kernel(self._tree, rays, scratch.counts, n, work)
             pairs = int(work.state[PAIRS])
-            if not scratch.enlarge(room(int(work.state[USED]) + pairs), pairs):
+            if not scratch.enlarge(room(int(work.state[USED]) + pairs, True), pairs):
                 break
+        self._hits = max(self._hits, MARGIN * (int(work.state[USED]) + pairs) / n)
+        self._pairs = max(self._pairs, MARGIN * pairs / n)
         if pairs:
             decide(bvh.triangles.ravel(), rays, scratch.counts, work)
         if work.state[PAIRS]:
@@ -168,7 +174,7 @@ class _Scratch:
         room, pair_room = len(self.hits.hit_t) - PACKET, len(self.hits.pair_ray) - PACKET
         if hits <= room and pairs <= pair_room:
             return False
-        self.hits = make_hit_work(self.sort.work, max(hits + hits // 8, room), max(pairs + pairs // 8, pair_room))
+        self.hits = make_hit_work(self.sort.work, max(hits, room), max(pairs, pair_room))
         return True
 
 
@@ -178,7 +184,7 @@ def count_all(tracer: HitTracer, n: int, threads: int | None) -> NDArray[np.int3
 
     def trace(begin: int, end: int) -> None:
         scratch = tracer.take()
-        tracer.trace(begin, end, scratch, lambda _found: 0)
+        tracer.trace(begin, end, scratch, lambda _found, _certain: 0)
         counts[begin:end] = scratch.ordered[: end - begin]
         tracer.give(scratch)
 
@@ -221,11 +227,14 @@ class _Lists:
         self.parts: dict[int, HitColumns] = {}  # by first ray
         self.full, self._taken, self._turn = False, 0, threading.Lock()
 
-    def room(self, found: int) -> int:
-        """Return for how many hits of a range there must be memory: all, or none if there is not enough."""
-        if not self.full and found * HIT > UNCHECKED:
-            self.full = found * HIT > memory.free() * KEPT
-        return 0 if self.full else found
+    def room(self, found: int, certain: bool) -> int:
+        """Return for how many hits of a range there must be memory: all, or none if there is not enough.
+
+        If it is not certain that there are so many, too little memory is no reason to give up.
+        """
+        much = found * HIT > UNCHECKED and found * HIT > memory.free() * KEPT
+        self.full = self.full or (much and certain)
+        return 0 if much or self.full else found
 
     def add(self, found: int) -> bool:
         """Note hits of a range; return whether they can be kept."""
