@@ -14,6 +14,7 @@ from raytrace.accel.exact_crossing import decide
 from raytrace.accel.hit_work import ON_SURFACE, PAIRS, USED, HitWork, make_hit_work
 from raytrace.accel.inputs import Field, rays_of
 from raytrace.accel.lanes import PACKET
+from raytrace.accel.line_order import lines_in_order
 from raytrace.accel.undecided import decide_pairs
 from raytrace.errors import MemoryLimitError
 from raytrace.jit import inlined, kernel
@@ -138,7 +139,7 @@ class HitTracer:
         """
         bvh, n = self._bvh, end - begin
         given = rays_of(self._fields, begin, end, self.dtype)
-        numbers, rays = reorder.coherent(given, n, bvh.grid, scratch.sort)
+        numbers, rays = lines_in_order(given, n, bvh.grid, bvh.tree.extent, scratch.sort)
         scratch.numbers = scratch.identity if numbers is None else numbers
         scratch.enlarge(room(int(n * self._hits), False), int(n * self._pairs))
         while True:

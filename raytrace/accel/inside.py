@@ -65,7 +65,9 @@ def inside(bvh: "RayQueries", points: ArrayLike, threads: int | None) -> NDArray
     with np.errstate(over="ignore"):
         rows = rows.astype(bvh.triangles.dtype, copy=False)
     low, high = bvh.tree.extent[:3], bvh.tree.extent[3:6]
-    near = ((rows >= low) & (rows <= high)).all(axis=1)  # False where a coordinate is NaN
+    near = np.ones(len(rows), np.bool_)
+    for axis in range(3):
+        near &= (rows[:, axis] >= low[axis]) & (rows[:, axis] <= high[axis])  # False where a coordinate is NaN
     chosen = rows if near.all() else rows[near]
     if len(chosen) == 0:
         return near
