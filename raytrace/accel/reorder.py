@@ -194,9 +194,13 @@ def any_hit(tree: Tree, grid: Grid, rays: Rays, occluded: NDArray[np.bool_], n: 
     give_back(scratch.occluded, n, numbers, occluded)
 
 
-def _sorted(rays: Rays, n: int, grid: Grid, scratch: SortScratch) -> tuple[NDArray[np.int32], Rays]:
-    numbers = scratch.numbers[sort_rays(rays, n, grid, scratch)]
+def sorted_rays(rays: Rays, n: int, numbers: NDArray[np.int32], scratch: SortScratch) -> tuple[NDArray[np.int32], Rays]:
+    """Return n rays in the order of ``numbers``, and the numbers."""
     take(rays, n, numbers, scratch.rays)
     size = len(scratch.occluded)
     columns = [Columns(scratch.rays, first * size, 1, size) for first in (0, 3, 6, 7)]
     return numbers, Rays(*columns)
+
+
+def _sorted(rays: Rays, n: int, grid: Grid, scratch: SortScratch) -> tuple[NDArray[np.int32], Rays]:
+    return sorted_rays(rays, n, scratch.numbers[sort_rays(rays, n, grid, scratch)], scratch)
