@@ -83,14 +83,14 @@ class BVH(RayQueries):
         Parameters
         ----------
         hits : Hits
-            Of n rays.
+            Of rays of any shape (...).
 
         Returns
         -------
         Surface
-            ``p`` (n, 3): points. ``p_error`` (n, 3): absolute bound on their rounding error, and on that of the test of
-            a ray from there against the same triangle. ``ng`` (n, 3): unit geometric normals, (v1 - v0) x (v2 - v0)
-            normalised. The rows of misses are NaN.
+            ``p`` (..., 3): points. ``p_error`` (..., 3): absolute bound on their rounding error, and on that of the
+            test of a ray from there against the same triangle. ``ng`` (..., 3): unit geometric normals,
+            (v1 - v0) x (v2 - v0) normalised. The rows of misses are NaN.
 
         Examples
         --------
@@ -101,9 +101,9 @@ class BVH(RayQueries):
         """
         prim_id = np.asarray(hits.prim_id)
         corners = self.triangles[np.maximum(prim_id, 0)]
-        corners = np.where((prim_id >= 0)[:, None], corners, np.nan).astype(corners.dtype)
-        v0, v1, v2, ng = corners[:, 0:3], corners[:, 3:6], corners[:, 6:9], corners[:, 9:12]
-        u, v = np.asarray(hits.u)[:, None], np.asarray(hits.v)[:, None]
+        corners = np.where((prim_id >= 0)[..., None], corners, np.nan).astype(corners.dtype)
+        v0, v1, v2, ng = corners[..., 0:3], corners[..., 3:6], corners[..., 6:9], corners[..., 9:12]
+        u, v = np.asarray(hits.u)[..., None], np.asarray(hits.v)[..., None]
         relative = corners.dtype.type(gamma(np.finfo(corners.dtype).eps))
         p = blend(v0, v1, v2, u, v)
         return Surface(p, relative * error_scale(p, v0, v1, v2), ng)

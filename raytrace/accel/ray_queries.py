@@ -1,5 +1,7 @@
 """``RayQueries``: the queries of ``BVH`` about rays; they check their arguments and run on several threads."""
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -33,9 +35,9 @@ class RayQueries:
 
         Parameters
         ----------
-        origins, directions : (n, 3) array_like, world units
-            Either may be a single row, which all rays share. Directions may have any length.
-        tmin, tmax : float or (n,) array_like, units of the direction
+        origins, directions : (..., 3) array_like, world units
+            Directions may have any length.
+        tmin, tmax : (...) array_like, units of the direction
             Open interval in which a hit counts.
         threads : int, optional
             Default: one per core that the process may use.
@@ -43,12 +45,17 @@ class RayQueries:
         Returns
         -------
         Hits
-            ``t`` (inf for a miss), ``prim_id`` (-1), ``u``, ``v``: (n,) arrays, p = (1 - u - v) v0 + u v1 + v v2.
+            ``t`` (inf for a miss), ``prim_id`` (-1), ``u``, ``v``: (...) arrays, p = (1 - u - v) v0 + u v1 + v v2.
 
         Raises
         ------
         ValueError
             Shapes that do not match.
+
+        Notes
+        -----
+        The shapes ``...`` broadcast by NumPy's rules: (h, w, 3) directions, one (3,) origin and a tmax of
+        shape (w,) give (h, w) hits. Single rows (3,) alone give hits of shape (1,).
 
         Examples
         --------
@@ -58,7 +65,8 @@ class RayQueries:
         array([ 1., inf], dtype=float32)
         """
         dtype = self.triangles.dtype
-        rays, n = check_rays(origins, directions, tmin, tmax, dtype)
+        rays, shape = check_rays(origins, directions, tmin, tmax, dtype)
+        n = math.prod(shape)
         size = dtype.itemsize
         memory = np.empty(n * (3 * size + 4), np.uint8)  # one block, which the allocator can reuse without new pages
         t, u, v = memory[: 3 * n * size].view(dtype).reshape(3, n)
@@ -72,7 +80,7 @@ class RayQueries:
             unused.append(scratch)
 
         share_out(trace, n, threads)
-        return hits
+        return Hits(*(column.reshape(shape) for column in hits))
 
     def any_hit(
         self,
@@ -86,7 +94,7 @@ class RayQueries:
 
         Returns
         -------
-        (n,) bool array
+        (...) bool array
 
         Examples
         --------
@@ -96,7 +104,8 @@ class RayQueries:
         array([False,  True])
         """
         dtype = self.triangles.dtype
-        rays, n = check_rays(origins, directions, tmin, tmax, dtype)
+        rays, shape = check_rays(origins, directions, tmin, tmax, dtype)
+        n = math.prod(shape)
         occluded = np.empty(n, np.bool_)
         unused: list[reorder.SortScratch] = []
 
@@ -107,7 +116,7 @@ class RayQueries:
             unused.append(scratch)
 
         share_out(trace, n, threads)
-        return occluded
+        return occluded.reshape(shape)
 
     def work(self) -> Work:
         """Allocate scratch memory for one thread."""
