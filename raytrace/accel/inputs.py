@@ -158,26 +158,26 @@ def check_batch(
     ValueError
         What is not an array of numbers, and shapes that do not match, by name.
     """
-    arrays = {name: _points(name, value) for name, value in vectors.items()}
-    shapes = {name: array.shape[:-1] for name, array in arrays.items()}
-    arrays |= {name: _numbers(name, value) for name, value in numbers.items()}
-    shapes = {name: shapes.get(name, array.shape) for name, array in arrays.items()}
-    shape = _broadcast(shapes)
+    points = [_points(name, value) for name, value in vectors.items()]
+    values = [_numbers(name, value) for name, value in numbers.items()]
+    shapes = [array.shape[:-1] for array in points] + [array.shape for array in values]
+    shape = _broadcast([*vectors, *numbers], shapes)
     with np.errstate(over="ignore"):
-        return [_field(array, name in vectors, shape, dtype) for name, array in arrays.items()], shape
+        fields = [_field(array, True, shape, dtype) for array in points]
+        return fields + [_field(array, False, shape, dtype) for array in values], shape
 
 
-def _broadcast(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
-    """Return the shape that arrays of these shapes broadcast to; at least one axis."""
-    several = set(shapes.values()) - {(), (1,)}
+def _broadcast(names: list[str], shapes: list[tuple[int, ...]]) -> tuple[int, ...]:
+    """Return the shape that arrays of these names and shapes broadcast to; at least one axis."""
+    several = {*shapes} - {(), (1,)}
     if len(several) < 2:  # the usual case, faster
         return several.pop() if several else (1,)
     try:
         return np.broadcast_shapes(*several)
     except ValueError:
-        found = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
+        found = ", ".join(f"{name} {shape}" for name, shape in zip(names, shapes, strict=True) if shape)
         raise ValueError(
-            f"{', '.join(shapes)}: shapes do not match, without the last axis of vectors: {found}; "
+            f"{', '.join(names)}: shapes do not match, without the last axis of vectors: {found}; "
             "they must be equal, or follow NumPy's rules of broadcasting"
         ) from None
 
@@ -195,8 +195,8 @@ def _points(name: str, value: ArrayLike) -> NDArray[Any]:
 def _field(array: NDArray[Any], vector: bool, shape: tuple[int, ...], dtype: np.dtype) -> Field:
     """Return an array as kernels read it, if that needs no copy or all rows are the same; else to convert in pieces."""
     last = (3,) if vector else ()
-    if array.size == math.prod(last):
-        return columns_of(np.array(array, dtype).reshape(1, *last), math.prod(shape))
+    if array.size == (3 if vector else 1):
+        return Columns(np.array(array, dtype).ravel(), 0, 0, 1)
     whole = array if array.shape == shape + last else np.broadcast_to(array, shape + last)
     rows = _merged(whole, len(shape))
     if rows is None:
