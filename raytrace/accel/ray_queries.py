@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace.accel import reorder
+from raytrace.accel.batches import Pixels, image_width, whole_blocks
 from raytrace.accel.bundle import BUNDLE
 from raytrace.accel.inputs import check_rays, rays_of
 from raytrace.accel.lanes import NODE, PACKET
@@ -66,7 +67,7 @@ class RayQueries:
         """
         dtype = self.triangles.dtype
         rays, shape = check_rays(origins, directions, tmin, tmax, dtype)
-        n = math.prod(shape)
+        n, width = math.prod(shape), image_width(shape, MAX_RANGE)
         size = dtype.itemsize
         memory = np.empty(n * (3 * size + 4), np.uint8)  # one block, which the allocator can reuse without new pages
         t, u, v = memory[: 3 * n * size].view(dtype).reshape(3, n)
@@ -76,10 +77,11 @@ class RayQueries:
         def trace(begin: int, end: int) -> None:
             part = Hits(*(column[begin:end] for column in hits))
             scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.work())
-            reorder.closest_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, end - begin, scratch)
+            batch = Pixels(width, (end - begin) // width) if width else end - begin
+            reorder.closest_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
             unused.append(scratch)
 
-        share_out(trace, n, threads)
+        share_out(trace, n, threads, whole_blocks(width))
         return Hits(*(column.reshape(shape) for column in hits))
 
     def any_hit(
@@ -105,17 +107,18 @@ class RayQueries:
         """
         dtype = self.triangles.dtype
         rays, shape = check_rays(origins, directions, tmin, tmax, dtype)
-        n = math.prod(shape)
+        n, width = math.prod(shape), image_width(shape, MAX_RANGE)
         occluded = np.empty(n, np.bool_)
         unused: list[reorder.SortScratch] = []
 
         def trace(begin: int, end: int) -> None:
             part = occluded[begin:end]
             scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.work())
-            reorder.any_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, end - begin, scratch)
+            batch = Pixels(width, (end - begin) // width) if width else end - begin
+            reorder.any_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
             unused.append(scratch)
 
-        share_out(trace, n, threads)
+        share_out(trace, n, threads, whole_blocks(width))
         return occluded.reshape(shape)
 
     def work(self) -> Work:
