@@ -3,8 +3,8 @@
 A kernel's argument ``n`` chooses the order. A number n stands for n rays; a packet has neighbouring ones. ``Pixels``
 stands for the rays of an image, numbered row by row; a packet has those of a block, or of some rows of it. So rays of
 an image are traced as coherently as a renderer's, and read and written where they lie. Kernels number the rays in the
-order of tracing; blocks at the edges of an image are padded with lanes that cannot hit. The results do not depend on
-the order.
+order of tracing; their numbers are places. Blocks at the edges of an image are padded with lanes that cannot hit. The
+results do not depend on the order.
 """
 
 import math
@@ -13,8 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.accel.lanes import (
-    bits,
-    compress,
     gather,
     lane_numbers,
     load,
@@ -24,14 +22,13 @@ from raytrace.accel.lanes import (
     packet_width,
     select,
     splat,
-    store,
-    store_block,
 )
 from raytrace.jit import inlined, specialised
 from raytrace.parallel import GRAIN
 from raytrace.records import Columns
 
 BLOCK = 4  # pixels: side of a block
+ROW = 2**32  # places from one row of blocks to the next, so that a place tells its pixel without a division
 MOST = 1.25  # lanes per ray: images that need more padding are traced as rows
 
 
@@ -57,8 +54,9 @@ def image_width(shape: tuple[int, ...], limit: int) -> int:
     """
     if len(shape) < 2 or 0 in shape or BLOCK * shape[-1] > limit:
         return 0
-    image = Pixels(shape[-1], math.prod(shape[:-1]))
-    return image.width if places_of_pixels(image) <= MOST * image.width * image.height else 0
+    width, height = shape[-1], math.prod(shape[:-1])
+    lanes = -(-width // BLOCK) * -(-height // BLOCK) * BLOCK**2
+    return width if lanes <= MOST * width * height else 0
 
 
 def whole_blocks(width: int) -> int:
@@ -100,28 +98,13 @@ def in_row(i: int, n: int, like):
 
 
 @inlined
-def write_to_row(a, i: int, n: int, x):
-    """Write a register to elements i, i + 1, ... of an array of length n, as far as it goes."""
-    if i + packet_width(a) <= n:
-        store(a, i, x)
-    else:
-        compress(a, i, lane_numbers(x) < np.int32(n - i), x)
+def left_of_row(i: int, n: int) -> int:
+    return n - i
 
 
 @inlined
-def write_mask_to_row(a, i: int, n: int, mask, width: int):
-    """Write a mask to elements i, i + 1, ... of an array of length n, as far as it goes."""
-    if i + width <= n:
-        store(a, i, mask)
-        return
-    left = bits(mask)
-    for k in range(n - i):
-        a[i + k] = left >> k & 1
-
-
-@inlined
-def places_of_row(n: int) -> int:
-    return n
+def after_in_row(i: int, step: int, n: int) -> int:
+    return i + step
 
 
 # --- blocks of pixels -------------------------------------------------------------------------------------------------
@@ -129,11 +112,9 @@ def places_of_row(n: int) -> int:
 
 @inlined
 def corner(i: int, n: Pixels) -> Corner:
-    """The first pixel of the packet that begins at place i: blocks lie row by row, so do the pixels of each."""
-    across = np.uint32((n.width + BLOCK - 1) // BLOCK)
-    block = np.uint32(i // BLOCK**2)
-    row = block // across
-    return Corner(BLOCK * np.int64(block - row * across), BLOCK * np.int64(row) + i % BLOCK**2 // BLOCK)
+    """The first pixel of the packet that begins at place i."""
+    lane = i & (ROW - 1)
+    return Corner(lane // BLOCK**2 * BLOCK + lane % BLOCK, i // ROW * BLOCK + lane % BLOCK**2 // BLOCK)
 
 
 @inlined
@@ -181,36 +162,14 @@ def in_pixels(i: int, n: Pixels, like):
 
 
 @inlined
-def write_to_pixels(a, i: int, n: Pixels, x):
-    """Write a register to the elements of an array that belong to the rays of a packet."""
-    at = corner(i, n)
-    first = at.y * n.width + at.x
-    if is_whole(at, n, packet_width(a)):
-        store_block(a, first, n.width, x)
-        return
-    inside, rows = in_pixels(i, n, x), lane_numbers(x) >> np.int32(2)
-    for k in range(min(BLOCK, n.height - at.y)):
-        compress(a, first + k * n.width, inside & (rows == np.int32(k)), x)
+def left_of_pixels(i: int, n: Pixels) -> int:
+    lanes = (n.width + BLOCK - 1) // BLOCK * BLOCK**2
+    return lanes - (i & (ROW - 1)) if i // ROW * BLOCK < n.height else 0
 
 
 @inlined
-def write_mask_to_pixels(a, i: int, n: Pixels, mask, width: int):
-    """Write a mask to the elements of an array that belong to the rays of a packet."""
-    at = corner(i, n)
-    first = at.y * n.width + at.x
-    if is_whole(at, n, width):
-        store_block(a, first, n.width, mask)
-        return
-    left = bits(mask)
-    for k in range(width):
-        if at.x + k % BLOCK < n.width and at.y + k // BLOCK < n.height:
-            a[first + k // BLOCK * n.width + k % BLOCK] = left >> k & 1
-
-
-@inlined
-def places_of_pixels(n: Pixels) -> int:
-    """Lanes of all blocks."""
-    return (n.width + BLOCK - 1) // BLOCK * ((n.height + BLOCK - 1) // BLOCK) * BLOCK**2
+def after_in_pixels(i: int, step: int, n: Pixels) -> int:
+    return i + step if step < left_of_pixels(i, n) else (i // ROW + 1) * ROW
 
 
 # --- either -----------------------------------------------------------------------------------------------------------
@@ -260,34 +219,23 @@ def _in_batch(i, n, like):
     return lambda i, n, like: chosen(i, n, like)
 
 
-def write(a, i: int, n, x):
-    """Write a register to the elements of an array that belong to the packet that begins at place i."""
-    form(n, write_to_row, write_to_pixels)(a, i, n, x)
+def left(i: int, n) -> int:
+    """Number of lanes that follow without a gap from place i on; 0 after the last packet of a batch."""
+    return form(n, left_of_row, left_of_pixels)(i, n)
 
 
-@specialised(write)
-def _write(a, i, n, x):
-    chosen = form(n, write_to_row, write_to_pixels)
-    return lambda a, i, n, x: chosen(a, i, n, x)
+@specialised(left)
+def _left(i, n):
+    chosen = form(n, left_of_row, left_of_pixels)
+    return lambda i, n: chosen(i, n)
 
 
-def write_mask(a, i: int, n, mask, width: int):
-    """Write a mask to the elements of an array that belong to the packet that begins at place i."""
-    form(n, write_mask_to_row, write_mask_to_pixels)(a, i, n, mask, width)
+def after(i: int, step: int, n) -> int:
+    """The place after a bundle of ``step`` lanes at place i."""
+    return form(n, after_in_row, after_in_pixels)(i, step, n)
 
 
-@specialised(write_mask)
-def _write_mask(a, i, n, mask, width):
-    chosen = form(n, write_mask_to_row, write_mask_to_pixels)
-    return lambda a, i, n, mask, width: chosen(a, i, n, mask, width)
-
-
-def places(n) -> int:
-    """Number of lanes of all packets of a batch, except for those after the last ray of a row."""
-    return form(n, places_of_row, places_of_pixels)(n)
-
-
-@specialised(places)
-def _places(n):
-    chosen = form(n, places_of_row, places_of_pixels)
-    return lambda n: chosen(n)
+@specialised(after)
+def _after(i, step, n):
+    chosen = form(n, after_in_row, after_in_pixels)
+    return lambda i, step, n: chosen(i, step, n)

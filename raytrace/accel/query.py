@@ -1,12 +1,12 @@
 """The two queries, nearest hits and occlusion, of any number of rays, bundle by bundle.
 
 Packets whose rays run close together go through the tree as one bundle. Otherwise each packet is split by octant and
-dominant axis, and the rays that share both go through the tree side by side. ``batches`` says which rays are in a packet.
+dominant axis, and the rays that share both go through the tree side by side. ``batches`` says which rays a packet has.
 """
 
 import numpy as np
 
-from raytrace.accel.batches import in_batch, pick, places, read, read_vectors, write, write_mask  # noqa: F401
+from raytrace.accel.batches import after, in_batch, left, read, read_vectors
 from raytrace.accel.box import PacketBounds, Slabs, endless_packet_bounds, make_packet_bounds, make_slabs
 from raytrace.accel.bundle import Bundle, any_in_packet, closest_in_packet, trace_bundle
 from raytrace.accel.frustum import make_frusta
@@ -30,19 +30,15 @@ from raytrace.accel.lanes import (
 from raytrace.accel.layout import NODE_SIZE
 from raytrace.accel.octants import Axes, RayPacket, axes_of, make_ray_frame, octants_of, same_octant_and_axis
 from raytrace.accel.packet import any_packet, closest_packet
+from raytrace.accel.results import write_hits, write_occluded
 from raytrace.accel.scratch import (
     FRAME,
     HIT_T,
-    HIT_U,
-    HIT_V,
     OCCLUDED,
     ORIGIN,
-    SCALE,
     TMIN,
     BundleRays,
     read_bundle_rays,
-    read_prim_id,
-    read_row,
     write_prim_id,
     write_rows,
 )
@@ -120,7 +116,7 @@ def collect(rays: Rays, i: int, n, count: int, work: Work):
 def packets_from(i: int, n, work: Work) -> int:
     """Number of packets in the bundle that begins at place i."""
     width = packet_width(work.lanes)
-    return min(group_size(work.lanes), (places(n) - i + width - 1) // width)
+    return min(group_size(work.lanes), (left(i, n) + width - 1) // width)
 
 
 @inlined
@@ -183,29 +179,25 @@ def any_of_packet(tree: Tree, r: int, work: Work, like) -> int:
 @kernel
 def closest_hit(tree: Tree, rays: Rays, hits: Hits, n, work: Work):
     """Find the nearest hits of the rays of a batch."""
-    like, width = packet(tree.nodes.bounds), packet_width(tree.nodes.bounds)
-    for i in range(0, places(n), group_size(work.lanes) * width):
-        together = trace_together(tree, rays, i, n, closest_in_packet, work)
-        for r in range(packets_from(i, n, work)):
-            if not together:
+    like, step, i = packet(tree.nodes.bounds), group_size(work.lanes) * packet_width(tree.nodes.bounds), 0
+    while left(i, n) > 0:
+        count = packets_from(i, n, work)
+        if not trace_together(tree, rays, i, n, closest_in_packet, work):
+            for r in range(count):
                 closest_of_packet(tree, r, work, like)
-            at, prim = i + r * width, read_prim_id(work, r, like)
-            found, scale = prim >= 0, read_row(work, r, SCALE, like)
-            write(hits.t, at, n, select(found, read_row(work, r, HIT_T, like) / scale, np.inf))
-            write(hits.prim_id, at, n, prim)
-            write(hits.u, at, n, select(found, read_row(work, r, HIT_U, like), 0.0))
-            write(hits.v, at, n, select(found, read_row(work, r, HIT_V, like), 0.0))
+        write_hits(hits, i, n, count, work)
+        i = after(i, step, n)
 
 
 @kernel
 def any_hit(tree: Tree, rays: Rays, occluded, n, work: Work):
     """Find which rays of a batch hit anything."""
-    like, width = packet(tree.nodes.bounds), packet_width(tree.nodes.bounds)
-    for i in range(0, places(n), group_size(work.lanes) * width):
-        together = trace_together(tree, rays, i, n, any_in_packet, work)
-        for r in range(packets_from(i, n, work)):
-            if together:
-                hit = read_row(work, r, OCCLUDED, like) > 0.0
-            else:
+    like, step, i = packet(tree.nodes.bounds), group_size(work.lanes) * packet_width(tree.nodes.bounds), 0
+    while left(i, n) > 0:
+        count = packets_from(i, n, work)
+        if not trace_together(tree, rays, i, n, any_in_packet, work):
+            for r in range(count):
                 hit = mask_of(any_of_packet(tree, r, work, like), like)
-            write_mask(occluded, i + r * width, n, hit, width)
+                write_rows(work, r, OCCLUDED, (select(hit, splat(1.0, like), 0.0),))
+        write_occluded(occluded, i, n, count, work)
+        i = after(i, step, n)
