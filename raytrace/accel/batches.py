@@ -20,6 +20,7 @@ from raytrace.accel.lanes import (
     load_block_rows,
     load_rows,
     packet_width,
+    prefetch,
     select,
     splat,
 )
@@ -28,6 +29,7 @@ from raytrace.parallel import GRAIN
 from raytrace.records import Columns
 
 BLOCK = 4  # pixels: side of a block
+AHEAD = 64  # pixels: several rows at once are more than the processor brings into the cache in advance by itself
 ROW = 2**32  # places from one row of blocks to the next, so that a place tells its pixel without a division
 MOST = 1.25  # lanes per ray: images that need more padding are traced as rows
 
@@ -114,7 +116,7 @@ def after_in_row(i: int, step: int, n: int) -> int:
 def corner(i: int, n: Pixels) -> Corner:
     """The first pixel of the packet that begins at place i."""
     lane = i & (ROW - 1)
-    return Corner(lane // BLOCK**2 * BLOCK + lane % BLOCK, i // ROW * BLOCK + lane % BLOCK**2 // BLOCK)
+    return Corner((lane >> 4 << 2) + (lane & 3), (i >> 32 << 2) + (lane >> 2 & 3))
 
 
 @inlined
@@ -145,7 +147,11 @@ def read_vectors_from_pixels(columns: Columns, i: int, n: Pixels, like):
     if columns.row == 3 and columns.axis == 1:
         at = corner(i, n)
         if is_whole(at, n, packet_width(columns.data)):
-            return load_block_rows(columns.data, columns.start + 3 * (at.y * n.width + at.x), 3 * n.width, like)
+            first = columns.start + 3 * (at.y * n.width + at.x)
+            for y in range((packet_width(columns.data) + BLOCK - 1) // BLOCK):
+                prefetch(columns.data, first + 3 * (y * n.width + AHEAD))
+                prefetch(columns.data, first + 3 * (y * n.width + AHEAD + 2))
+            return load_block_rows(columns.data, first, 3 * n.width, like)
     return (
         read_from_pixels(columns, i, 0, n, like),
         read_from_pixels(columns, i, 1, n, like),
@@ -164,12 +170,12 @@ def in_pixels(i: int, n: Pixels, like):
 @inlined
 def left_of_pixels(i: int, n: Pixels) -> int:
     lanes = (n.width + BLOCK - 1) // BLOCK * BLOCK**2
-    return lanes - (i & (ROW - 1)) if i // ROW * BLOCK < n.height else 0
+    return lanes - (i & (ROW - 1)) if (i >> 32) * BLOCK < n.height else 0
 
 
 @inlined
 def after_in_pixels(i: int, step: int, n: Pixels) -> int:
-    return i + step if step < left_of_pixels(i, n) else (i // ROW + 1) * ROW
+    return i + step if step < left_of_pixels(i, n) else ((i >> 32) + 1) * ROW
 
 
 # --- either -----------------------------------------------------------------------------------------------------------

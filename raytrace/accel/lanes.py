@@ -130,6 +130,11 @@ def to_real(x, like):
     return x.astype(like.dtype)
 
 
+def convert(x, like):
+    """Floats as floats of the dtype of ``like``, rounded to nearest."""
+    return x.astype(like.dtype)
+
+
 def to_int(x):
     """Floats truncated to int32; none may be NaN or out of range."""
     return x.astype(np.int32)

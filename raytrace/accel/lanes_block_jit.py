@@ -56,7 +56,7 @@ def _emit_load_block(builder, sig, args):
 
 
 def _emit_load_block_rows(builder, sig, args):
-    """Three loads per row; joined, they are what a row of all elements would be."""
+    """Three loads per row, which seldom cross cache lines; joined, they are what a row of all elements would be."""
     kind = vector_of(sig.return_type.dtype)
     rows, length, element, size = _rows_of_block(builder, sig, args, kind.count)
     places = [builder.gep(row, [I64(k * length)], source_etype=element) for row in rows for k in range(3)]

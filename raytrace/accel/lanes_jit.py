@@ -190,6 +190,14 @@ registered(
 )(lanes.to_real)
 
 
+def _emit_convert(builder, sig, args):
+    change = builder.fpext if sig.args[0].elem.bitwidth < sig.return_type.elem.bitwidth else builder.fptrunc
+    return args[0] if sig.args[0] == sig.return_type else change(args[0], vector_of(sig.return_type))
+
+
+registered(lambda x, like: signature(Lanes(like.elem, x.n), x, like), _emit_convert)(lanes.convert)
+
+
 registered(
     lambda x: signature(Lanes(types.int32, x.n), x),
     lambda b, sig, args: b.fptosi(args[0], vector_of(sig.return_type)),

@@ -9,6 +9,7 @@ from raytrace.accel.lanes import (
     group_size,
     lane_numbers,
     load_block,
+    mask_of,
     packet,
     packet_width,
     select,
@@ -110,12 +111,23 @@ def write_block(a, i: int, n: Pixels, x):
 
 
 @inlined
+def occluded_in_row(y: int, work: Work) -> int:
+    """Bits of the rays of row y of pixels of a bundle that hit anything."""
+    like, width = packet(work.lanes), packet_width(work.lanes)
+    first, shift, found = BLOCK * y // width, BLOCK * y % width, 0
+    for block in range(width // BLOCK):
+        hit = bits(read_row(work, first + block * max(BLOCK**2 // width, 1), OCCLUDED, like) > 0.0)
+        found |= (hit >> shift & (1 << BLOCK) - 1) << BLOCK * block
+    return found
+
+
+@inlined
 def write_occluded_of_pixels(occluded, i: int, n: Pixels, count: int, work: Work):
     like, width = packet(work.lanes), packet_width(work.lanes)
     if is_whole_bundle(i, n, count, work):
         at = corner(i, n)
         for y in range(BLOCK):
-            store(occluded, (at.y + y) * n.width + at.x, row_of_bundle(work.lanes, y, ROWS, OCCLUDED, like) > 0.0)
+            store(occluded, (at.y + y) * n.width + at.x, mask_of(occluded_in_row(y, work), like))
         return
     for r in range(count):
         at, left = corner(i + r * width, n), bits(read_row(work, r, OCCLUDED, like) > 0.0)
