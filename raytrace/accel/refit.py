@@ -4,6 +4,7 @@ Only boxes and triangles change, so the answers of all queries are those of a ne
 the mesh has changed. Everything is written to new arrays.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -11,22 +12,24 @@ from numpy.typing import NDArray
 
 from raytrace import parallel
 from raytrace.accel.boxes import BOX, clear, include, low
-from raytrace.accel.build import extent_of, measure, minor
+from raytrace.accel.build import extent_of, minor
 from raytrace.accel.flatten import fill_box
+from raytrace.accel.grow import HALF
 from raytrace.accel.lanes import (
     NODE,
     absolute,
-    bits,
-    compress,
     convert,
     gather,
-    lane_max,
-    lane_min,
     load,
+    load_rows,
     machine_epsilon,
     maximum,
     minimum,
+    peek,
+    poke,
+    prefetch,
     select,
+    splat,
     sqrt,
     store,
 )
@@ -45,7 +48,8 @@ from raytrace.accel.validate import sah_cost
 from raytrace.jit import inlined, kernel
 from raytrace.records import Nodes, Tree
 
-STRETCH = 1024  # leaves that a thread refits at a time
+FACES, LEAVES = 32768, 8192  # triangles that a thread measures at a time, and leaves that it fills
+AHEAD = 4  # leaves whose triangles are brought into the cache in advance
 
 
 class Built(NamedTuple):
@@ -57,20 +61,12 @@ class Built(NamedTuple):
 
 
 class MovedMesh(NamedTuple):
-    """A mesh whose vertices have moved, and the triangles and the box of each leaf, which are to be written."""
+    """A mesh whose vertices have moved."""
 
     vertices: NDArray[np.floating]  # (3v,) f, world units
     faces: NDArray[np.int32]  # (3m,)
-    triangles: NDArray[np.floating]  # (12m,) f: v0, v1, v2, unit normal
-    boxes: NDArray[np.floating]  # (8l,) f, world units: see accel/boxes.py
-
-
-class Part(NamedTuple):
-    """The leaves that a call refits, and its scratch memory."""
-
-    begin: int
-    end: int
-    lanes: NDArray[np.floating]  # (96,) f
+    triangles: NDArray[np.floating]  # (12m,) f: v0, v1, v2, unit normal; to be written
+    lanes: NDArray[np.floating]  # (96,) f: scratch memory
     wide: NDArray[np.float64]  # (8,): zeros
 
 
@@ -92,39 +88,34 @@ def refit(
     dtype, leaf_count = vertices.dtype, len(as_built.slots) // NODE
     node_count = len(tree.nodes.bounds) // NODE_SIZE
     nodes, leaves = make_nodes(node_count, dtype), make_leaves(type(tree.leaves), leaf_count, dtype)
-    triangles, boxes = np.empty(12 * len(faces), dtype), np.empty(BOX * (leaf_count + node_count), dtype)
-    if len(as_built.outside):
-        if (rows := _flat_triangles(vertices, faces[as_built.outside])) is None:
-            return None
-        triangles.reshape(-1, 12)[as_built.outside] = rows
-    mesh = MovedMesh(vertices.reshape(-1), faces.reshape(-1), triangles, boxes)
+    triangles, boxes = np.empty((len(faces), 12), dtype), np.empty(BOX * (leaf_count + node_count), dtype)
 
-    def stretch(begin: int) -> None:
-        part = Part(begin, min(begin + STRETCH, leaf_count), np.empty(12 * NODE, dtype), np.zeros(NODE))
-        refit_leaves(mesh, as_built.slots, part, leaves)
+    def measure(begin: int, end: int) -> None:
+        lanes = np.empty(12 * NODE, dtype), np.zeros(NODE)
+        measure_moved(MovedMesh(vertices.reshape(-1), faces.reshape(-1), triangles.reshape(-1), *lanes), begin, end)
 
-    parts = range(0, leaf_count, STRETCH)
-    if len(parts) > 1:
-        parallel.together(stretch, parts, None)
-    else:
-        stretch(0)
+    def fill(begin: int, end: int) -> None:
+        fill_leaves(triangles.reshape(-1), as_built.slots, leaves, boxes, begin, end)
+
+    _share(measure, len(faces), FACES)
+    if np.isfinite(triangles[as_built.outside, 9]).any():
+        return None
+    _share(fill, leaf_count, LEAVES)
     refit_nodes(tree.nodes, nodes, boxes, leaf_count)
-    return Tree(nodes, leaves, extent_of(nodes)), triangles.reshape(-1, 12)
+    return Tree(nodes, leaves, extent_of(nodes)), triangles
 
 
-@inlined
-def box_of_lanes(boxes, at: int, mask, corners):
-    """Write the box of the triangles of a leaf for which the mask holds: empty where there is none."""
-    boxes[at + 3] = boxes[at + 7] = 0.0
-    for axis in range(3):
-        a, b, c = corners[axis], corners[3 + axis], corners[6 + axis]
-        boxes[at + axis] = lane_min(select(mask, minimum(minimum(a, b), c), np.inf))
-        boxes[at + 4 + axis] = -lane_max(select(mask, maximum(maximum(a, b), c), -np.inf))
+def _share(task: Callable[[int, int], None], n: int, stretch: int) -> None:
+    """Call ``task`` with ranges that cover 0 to n, on all threads if there are several."""
+    if n <= stretch:
+        task(0, n)
+    else:
+        parallel.together(lambda begin: task(begin, min(begin + stretch, n)), range(0, n, stretch), None)
 
 
 @inlined
 def normals_of_lanes(corners, wide):
-    """Normals of eight triangles, not yet of unit length, and their largest components; the arithmetic of ``measure``.
+    """Normals of eight triangles, not yet of unit length, by the arithmetic of ``measure``.
 
     Numbers are float64, as those of ``wide``.
     """
@@ -136,74 +127,66 @@ def normals_of_lanes(corners, wide):
     nx, ny, nz = minor(ay, az, by, bz), minor(az, ax, bz, bx), minor(ax, ay, bx, by)
     largest = maximum(absolute(nz), maximum(absolute(nx), absolute(ny)))
     scale = select(largest > 0.0, largest, 1.0)
-    return nx / scale, ny / scale, nz / scale, largest
-
-
-@inlined
-def corners_of_lanes(mesh: MovedMesh, first):
-    """Coordinates of the vertices of triangles, of which ``first`` is the place in the faces: nine registers."""
-    a = gather(mesh.faces, first) * np.int32(3)
-    b = gather(mesh.faces, first + np.int32(1)) * np.int32(3)
-    c = gather(mesh.faces, first + np.int32(2)) * np.int32(3)
-    points = mesh.vertices
-    return (
-        gather(points, a), gather(points, a + np.int32(1)), gather(points, a + np.int32(2)),
-        gather(points, b), gather(points, b + np.int32(1)), gather(points, b + np.int32(2)),
-        gather(points, c), gather(points, c + np.int32(1)), gather(points, c + np.int32(2)),
-    )  # fmt: skip
-
-
-@inlined
-def write_leaf(leaves: Leaves, leaf: int, mask, rows, slots):
-    """Write the triangles for which the mask holds to a leaf; the lanes behind them are empty."""
-    at, whole = leaf * LEAF_SIZE, bits(mask) == bits(load(slots, NODE * leaf, NODE) >= np.int32(0))
-    place = at
-    for row in rows:
-        if whole:
-            store(leaves.rows, place, select(mask, row, 0.0))
-        else:
-            store(leaves.rows, place, select(mask, 0.0 * row, 0.0))
-            compress(leaves.rows, place, mask, row)
-        place += NODE if place != at + PRIM_ID - NODE else 2 * NODE
-    left, count = bits(mask), 0
-    for k in range(NODE):
-        leaves.prim_id[at + PRIM_ID + k] = -1
-        if left >> k & 1:
-            leaves.prim_id[at + PRIM_ID + count] = slots[NODE * leaf + k]
-            count += 1
-
-
-@inlined
-def write_triangles(triangles, slots, first: int, rows, lanes):
-    """Write the vertices and normals of the triangles in eight slots; ``lanes``: scratch memory."""
-    place = 0
-    for row in rows:
-        store(lanes, place, row)
-        place += NODE
-    for k in range(NODE):
-        at = 12 * np.int64(slots[first + k])
-        if at >= 0:
-            for row in range(12):
-                triangles[at + row] = lanes[row * NODE + k]
+    return nx / scale, ny / scale, nz / scale
 
 
 @kernel
-def refit_leaves(mesh: MovedMesh, slots, part: Part, leaves: Leaves):
-    """Write the leaves of a range, their boxes, and the vertices and unit normals of their triangles.
+def measure_moved(mesh: MovedMesh, begin: int, end: int):
+    """Write the vertices and unit normals of triangles ``begin`` to ``end``, as ``measure`` does, eight at a time."""
+    points, last = mesh.vertices, len(mesh.faces) // 3 - NODE
+    for i in range(begin, end, NODE):
+        first = min(i, last)
+        like = load(points, 0, NODE)
+        a, b, c = load_rows(mesh.faces, 3 * first, like)
+        a, b, c = a * np.int32(3), b * np.int32(3), c * np.int32(3)
+        corners = (
+            gather(points, a), gather(points, a + np.int32(1)), gather(points, a + np.int32(2)),
+            gather(points, b), gather(points, b + np.int32(1)), gather(points, b + np.int32(2)),
+            gather(points, c), gather(points, c + np.int32(1)), gather(points, c + np.int32(2)),
+        )  # fmt: skip
+        nx, ny, nz = normals_of_lanes(corners, load(mesh.wide, 0, NODE))
+        length = sqrt(nx * nx + ny * ny + nz * nz)
+        place = 0
+        for x in corners:
+            store(mesh.lanes, place, x)
+            place += NODE
+        for n in (nx, ny, nz):
+            store(mesh.lanes, place, convert(n / length, like))
+            place += NODE
+        for k in range(NODE):
+            for row in range(12):
+                poke(mesh.triangles, 12 * (first + k) + row, peek(mesh.lanes, NODE * row + k))
 
-    A triangle that has lost its area leaves an empty lane behind those of the others.
+
+@kernel
+def fill_leaves(triangles, slots, leaves: Leaves, boxes, begin: int, end: int):
+    """Write leaves ``begin`` to ``end``, and their boxes.
+
+    A triangle that has lost its area is left out; the lanes behind the others are empty.
     """
-    for leaf in range(part.begin, part.end):
-        number = load(slots, NODE * leaf, NODE)
-        held = number >= np.int32(0)
-        corners = corners_of_lanes(mesh, select(held, number, np.int32(0)) * np.int32(3))
-        nx, ny, nz, largest = normals_of_lanes(corners, load(part.wide, 0, NODE))
-        length, like = sqrt(nx * nx + ny * ny + nz * nz), corners[0]
-        rows = corners + (convert(nx / length, like), convert(ny / length, like), convert(nz / length, like))
-        mask = held & (largest > 0.0)
-        box_of_lanes(mesh.boxes, BOX * leaf, mask, corners)
-        write_leaf(leaves, leaf, mask, rows, slots)
-        write_triangles(mesh.triangles, slots, NODE * leaf, rows, part.lanes)
+    empty = splat(np.inf, load(boxes, 0, HALF))
+    for leaf in range(begin, end):
+        at, count, least, most = leaf * LEAF_SIZE, 0, empty, empty
+        for k in range(NODE):
+            number = np.int64(peek(slots, NODE * leaf + k))
+            coming = 12 * np.int64(peek(slots, min(NODE * (leaf + AHEAD) + k, len(slots) - 1)))
+            prefetch(triangles, max(coming, 0))
+            prefetch(triangles, max(coming, 0) + 11)
+            first = 12 * number
+            if number < 0 or peek(triangles, first + 9) != peek(triangles, first + 9):
+                continue
+            for corner in range(3):
+                point = load(triangles, first + 3 * corner, HALF)
+                least, most = minimum(point, least), minimum(-point, most)
+            for row in range(12):
+                poke(leaves.rows, at + count + NODE * (row if row < 9 else row + 1), peek(triangles, first + row))
+            leaves.prim_id[at + PRIM_ID + count] = number
+            count += 1
+        for k in range(count, NODE):
+            leaves.prim_id[at + PRIM_ID + k] = -1  # the rest of new leaves is zero
+        store(boxes, BOX * leaf, least)
+        store(boxes, BOX * leaf + HALF, most)
+        boxes[BOX * leaf + 3] = boxes[BOX * leaf + 7] = 0.0
 
 
 @kernel
@@ -224,11 +207,3 @@ def refit_nodes(old: Nodes, nodes: Nodes, boxes, leaf_count: int):
                 continue
             for row in range(6):
                 nodes.bounds[first + row * NODE + k] = np.inf if row < 3 else -np.inf
-
-
-def _flat_triangles(vertices: NDArray[np.floating], faces: NDArray[np.int32]) -> NDArray[np.floating] | None:
-    """Return the rows of triangles without area, or None if one of them has an area."""
-    rows, boxes = np.empty((len(faces), 12), vertices.dtype), np.empty(BOX * (len(faces) + 1), vertices.dtype)
-    with np.errstate(all="ignore"):
-        count = measure(vertices, faces, rows, boxes, np.empty(len(faces), np.int32), np.empty(9))
-    return None if count else rows
