@@ -8,7 +8,7 @@ import pytest
 
 import rays
 import raytrace as rt
-from raytrace.accel.layout import boxes_of, children_of, triangles_of
+from raytrace.accel.layout import boxes_of, children_of
 
 RNG = np.random.default_rng(1)
 VERTICES, FACES = rays.torus(16, 12)
@@ -67,12 +67,8 @@ def test_answers_are_those_of_a_new_tree_and_come_back(kind):
     assert min(hit["noise"], hit["scattered"], hit["half in a point"], hit["tiny"], hit["huge"]) > 0.05
     bvh.refit(VERTICES)
     same(bvh, before)
-    for a, b in (
-        (bvh.tree.leaves.rows, before.tree.leaves.rows),
-        (boxes_of(bvh.tree.nodes), boxes_of(before.tree.nodes)),
-    ):
-        assert np.array_equal(a, b)
-    assert np.array_equal(triangles_of(bvh.tree.leaves), triangles_of(before.tree.leaves))
+    assert np.array_equal(bvh.tree.leaves.prim_id, before.tree.leaves.prim_id)  # the bits of all that leaves have
+    assert np.array_equal(boxes_of(bvh.tree.nodes), boxes_of(before.tree.nodes))
     assert np.array_equal(children_of(bvh.tree.nodes), children_of(before.tree.nodes))
     assert bvh.stats == before.stats
 

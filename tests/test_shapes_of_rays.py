@@ -9,6 +9,7 @@ import rays
 import raytrace as rt
 from raytrace import parallel
 from raytrace.accel import inputs, ray_queries
+from raytrace.accel.batches import image_width, whole_blocks
 
 MESH = rays.soup(300, seed=1)
 F4 = np.dtype("f4")
@@ -84,6 +85,35 @@ def test_surfaces_have_the_shape_of_their_hits(bvh):
     for got, row in zip(bvh.surface(hits), rows, strict=True):
         assert got.shape == (7, 11, 3)
         assert np.array_equal(got.reshape(-1, 3), row, equal_nan=True)
+
+
+@pytest.mark.parametrize("shape", [(4, 16), (33, 50), (65, 131), (3, 10, 40), (200, 17)])
+def test_images_give_the_hits_of_the_same_rays_in_rows(bvh, shape, monkeypatch):
+    """In blocks, whole or cut off by an edge, on several ranges of rows, whatever the layout of the arrays."""
+    for module in (ray_queries, parallel):
+        monkeypatch.setattr(module, "MAX_RANGE", 1 << 10)
+    o, d = (a.reshape(*shape, 3) for a in image(int(np.prod(shape[:-1])), shape[-1]))
+    tmax = np.linspace(0.5, 3, shape[-1], dtype="f4")
+    planes = np.moveaxis(np.moveaxis(d, -1, 0).copy(), 0, -1)
+    hits, blocked = in_rows(bvh, o, d, 0.0, tmax)
+    assert 0.1 < blocked.mean() < 0.95
+    for directions in (d, planes, d.astype("f8")):
+        assert rays.same_hits(bvh.closest_hit(o, directions, tmax=tmax, threads=2), hits)
+        assert np.array_equal(bvh.any_hit(o, directions, tmax=tmax, threads=2), blocked)
+
+
+def test_incoherent_images_are_sorted(bvh):
+    o, d = (a.astype("f4").reshape(40, 50, 3) for a in rays.anywhere(2000, seed=4))
+    hits, blocked = in_rows(bvh, o, d)
+    assert rays.same_hits(bvh.closest_hit(o, d), hits)
+    assert np.array_equal(bvh.any_hit(o, d), blocked)
+
+
+def test_blocks_are_used_where_padding_is_small():
+    widths = {(480, 640): 640, (3, 8, 16): 16, (1, 640): 0, (640, 1): 0, (5, 640): 0, (640, 5): 0, (640,): 0, (): 0}
+    widths |= {(7, 640): 640, (0, 640): 0, (640, 0): 0, (640, 4): 4, (8, 30_000): 30_000, (8, 40_000): 0}
+    assert {shape: image_width(shape, parallel.MAX_RANGE) for shape in widths} == widths
+    assert [whole_blocks(width) for width in (0, 4, 640, 30_000)] == [1024, 1024, 2560, 120_000]
 
 
 @pytest.mark.parametrize("name", BATCHES)

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from raytrace import parallel
 from raytrace.accel.boxes import BOX, clear, include, low
-from raytrace.accel.build import extent_of, minor
+from raytrace.accel.build import MeasuredMesh, _measure_all, extent_of, measure, minor
 from raytrace.accel.flatten import fill_box
 from raytrace.accel.grow import HALF
 from raytrace.accel.lanes import (
     NODE,
     absolute,
     convert,
+    count,
     gather,
     load,
     load_rows,
@@ -70,10 +71,10 @@ class MovedMesh(NamedTuple):
     wide: NDArray[np.float64]  # (8,): zeros
 
 
-def built(tree: Tree, count: int) -> Built:
+def built(tree: Tree, number: int) -> Built:
     """Return what is to be kept of a new tree of a mesh with so many triangles."""
     slots = triangles_of(tree.leaves).astype(np.int32).ravel()
-    inside = np.zeros(count, bool)
+    inside = np.zeros(number, bool)
     inside[slots[slots >= 0]] = True
     return Built(slots, np.flatnonzero(~inside), sah_cost(tree.nodes))
 
@@ -90,19 +91,34 @@ def refit(
     nodes, leaves = make_nodes(node_count, dtype), make_leaves(type(tree.leaves), leaf_count, dtype)
     triangles, boxes = np.empty((len(faces), 12), dtype), np.empty(BOX * (leaf_count + node_count), dtype)
 
-    def measure(begin: int, end: int) -> None:
+    flat: list[int] = []
+
+    def measure_part(begin: int, end: int) -> None:
         lanes = np.empty(12 * NODE, dtype), np.zeros(NODE)
-        measure_moved(MovedMesh(vertices.reshape(-1), faces.reshape(-1), triangles.reshape(-1), *lanes), begin, end)
+        mesh = MovedMesh(vertices.reshape(-1), faces.reshape(-1), triangles.reshape(-1), *lanes)
+        flat.append(measure_moved(mesh, begin, end))
 
     def fill(begin: int, end: int) -> None:
         fill_leaves(triangles.reshape(-1), as_built.slots, leaves, boxes, begin, end)
 
-    _share(measure, len(faces), FACES)
+    _share(measure_part, len(faces), FACES)
+    if sum(flat):
+        _measure_flat(vertices, faces, triangles)
     if np.isfinite(triangles[as_built.outside, 9]).any():
         return None
     _share(fill, leaf_count, LEAVES)
     refit_nodes(tree.nodes, nodes, boxes, leaf_count)
     return Tree(nodes, leaves, extent_of(nodes)), triangles
+
+
+def _measure_flat(vertices: NDArray[np.floating], faces: NDArray[np.int32], triangles: NDArray[np.floating]) -> None:
+    """Measure those triangles again that seem to have no area, by the kernel that decides it when a tree is built."""
+    flat = np.flatnonzero(~np.isfinite(triangles[:, 9]))
+    number, dtype = len(flat), vertices.dtype
+    rows, boxes = np.empty((number, 12), dtype), np.empty(BOX * (number + 1), dtype)
+    with np.errstate(all="ignore"):
+        _measure_all(MeasuredMesh(vertices, faces[flat], rows, boxes, np.empty(number, np.int32)), measure)
+    triangles[flat] = rows
 
 
 def _share(task: Callable[[int, int], None], n: int, stretch: int) -> None:
@@ -132,8 +148,8 @@ def normals_of_lanes(corners, wide):
 
 @kernel
 def measure_moved(mesh: MovedMesh, begin: int, end: int):
-    """Write the vertices and unit normals of triangles ``begin`` to ``end``, as ``measure`` does, eight at a time."""
-    points, last = mesh.vertices, len(mesh.faces) // 3 - NODE
+    """Write the vertices and unit normals of triangles, eight at a time; return how many seem to have no area."""
+    points, last, flat = mesh.vertices, len(mesh.faces) // 3 - NODE, 0
     for i in range(begin, end, NODE):
         first = min(i, last)
         like = load(points, 0, NODE)
@@ -156,6 +172,8 @@ def measure_moved(mesh: MovedMesh, begin: int, end: int):
         for k in range(NODE):
             for row in range(12):
                 poke(mesh.triangles, 12 * (first + k) + row, peek(mesh.lanes, NODE * row + k))
+        flat += count(~(length > 0.0))
+    return flat
 
 
 @kernel
@@ -166,7 +184,7 @@ def fill_leaves(triangles, slots, leaves: Leaves, boxes, begin: int, end: int):
     """
     empty = splat(np.inf, load(boxes, 0, HALF))
     for leaf in range(begin, end):
-        at, count, least, most = leaf * LEAF_SIZE, 0, empty, empty
+        at, kept, least, most = leaf * LEAF_SIZE, 0, empty, empty
         for k in range(NODE):
             number = np.int64(peek(slots, NODE * leaf + k))
             coming = 12 * np.int64(peek(slots, min(NODE * (leaf + AHEAD) + k, len(slots) - 1)))
@@ -179,10 +197,10 @@ def fill_leaves(triangles, slots, leaves: Leaves, boxes, begin: int, end: int):
                 point = load(triangles, first + 3 * corner, HALF)
                 least, most = minimum(point, least), minimum(-point, most)
             for row in range(12):
-                poke(leaves.rows, at + count + NODE * (row if row < 9 else row + 1), peek(triangles, first + row))
-            leaves.prim_id[at + PRIM_ID + count] = number
-            count += 1
-        for k in range(count, NODE):
+                poke(leaves.rows, at + kept + NODE * (row if row < 9 else row + 1), peek(triangles, first + row))
+            leaves.prim_id[at + PRIM_ID + kept] = number
+            kept += 1
+        for k in range(kept, NODE):
             leaves.prim_id[at + PRIM_ID + k] = -1  # the rest of new leaves is zero
         store(boxes, BOX * leaf, least)
         store(boxes, BOX * leaf + HALF, most)
