@@ -143,3 +143,12 @@ def test_broadcast_fields_take_no_memory(bvh, dtype, monkeypatch):
         tracemalloc.stop()
     assert blocked.shape == (h, w)
     assert peak < blocked.nbytes + 3e6  # whole, o and d would be 14e6 or 29e6
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_images_in_both_precisions(precision):
+    bvh = rt.BVH(*MESH, precision)
+    o, d = image(35, 50, dtype=precision)
+    hits, blocked = in_rows(bvh, o, d)
+    assert 0.1 < blocked.mean() < 0.95
+    assert rays.same_hits(bvh.closest_hit(o, d), hits)

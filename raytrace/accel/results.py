@@ -66,9 +66,8 @@ def is_whole_bundle(i: int, n: Pixels, count: int, work: Work) -> bool:
 
 
 @inlined
-def row_of_bundle(a, y: int, slot: int, row: int, like):
+def row_of_bundle(a, width: int, y: int, slot: int, row: int, like):
     """Row y of pixels of a bundle, from one row of each of its slots in scratch memory; slots have so many rows."""
-    width = packet_width(a)
     place = BLOCK * y  # within the first block, whose packets have their rows one after the other
     first = (1 + place // width) * slot * width + row * width + place % width
     return load_block(a, first, max(BLOCK**2 // width, 1) * slot * width, like)
@@ -81,28 +80,28 @@ def write_hits_of_pixels(hits: Hits, i: int, n: Pixels, count: int, work: Work):
         at = corner(i, n)
         for y in range(BLOCK):
             first = (at.y + y) * n.width + at.x
-            prim = row_of_bundle(work.prim_id, y, 1, 0, like)
-            found, scale = prim >= 0, row_of_bundle(work.lanes, y, ROWS, SCALE, like)
-            store(hits.t, first, select(found, row_of_bundle(work.lanes, y, ROWS, HIT_T, like) / scale, np.inf))
+            prim = row_of_bundle(work.prim_id, width, y, 1, 0, like)
+            found, scale = prim >= 0, row_of_bundle(work.lanes, width, y, ROWS, SCALE, like)
+            store(hits.t, first, select(found, row_of_bundle(work.lanes, width, y, ROWS, HIT_T, like) / scale, np.inf))
             store(hits.prim_id, first, prim)
-            store(hits.u, first, select(found, row_of_bundle(work.lanes, y, ROWS, HIT_U, like), 0.0))
-            store(hits.v, first, select(found, row_of_bundle(work.lanes, y, ROWS, HIT_V, like), 0.0))
+            store(hits.u, first, select(found, row_of_bundle(work.lanes, width, y, ROWS, HIT_U, like), 0.0))
+            store(hits.v, first, select(found, row_of_bundle(work.lanes, width, y, ROWS, HIT_V, like), 0.0))
         return
     for r in range(count):
         prim = read_prim_id(work, r, like)
         found, scale = prim >= 0, read_row(work, r, SCALE, like)
-        write_block(hits.t, i + r * width, n, select(found, read_row(work, r, HIT_T, like) / scale, np.inf))
-        write_block(hits.prim_id, i + r * width, n, prim)
-        write_block(hits.u, i + r * width, n, select(found, read_row(work, r, HIT_U, like), 0.0))
-        write_block(hits.v, i + r * width, n, select(found, read_row(work, r, HIT_V, like), 0.0))
+        write_block(hits.t, i + r * width, n, select(found, read_row(work, r, HIT_T, like) / scale, np.inf), width)
+        write_block(hits.prim_id, i + r * width, n, prim, width)
+        write_block(hits.u, i + r * width, n, select(found, read_row(work, r, HIT_U, like), 0.0), width)
+        write_block(hits.v, i + r * width, n, select(found, read_row(work, r, HIT_V, like), 0.0), width)
 
 
 @inlined
-def write_block(a, i: int, n: Pixels, x):
+def write_block(a, i: int, n: Pixels, x, width: int):
     """Write a register to the elements of an array that belong to the rays of a packet."""
     at = corner(i, n)
     first = at.y * n.width + at.x
-    if is_whole(at, n, packet_width(a)):
+    if is_whole(at, n, width):
         store_block(a, first, n.width, x)
         return
     inside, rows = in_pixels(i, n, x), lane_numbers(x) >> np.int32(2)
