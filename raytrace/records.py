@@ -157,7 +157,7 @@ class Scene:
 
 
 class Hits(NamedTuple):
-    """Nearest hits, one row per ray: p = (1 - u - v) v0 + u v1 + v v2."""
+    """Nearest hits, one per ray, in arrays of the shape of the rays, here (n,): p = (1 - u - v) v0 + u v1 + v v2."""
 
     t: NDArray[np.floating]  # (n,) f, units of the ray's direction; inf: a miss
     prim_id: NDArray[np.int32]  # (n,) i4: row of the faces; -1: a miss
@@ -176,7 +176,7 @@ class AllHits(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """Points on surfaces, one row per ray; the rows of misses are NaN."""
+    """Points on surfaces, one row per ray, in arrays of the shape of the rays, here (n,); rows of misses are NaN."""
 
     p: NDArray[np.floating]  # (n, 3) f, world units
     p_error: NDArray[np.floating]  # (n, 3) f, world units: absolute bound on the rounding error of p

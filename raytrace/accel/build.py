@@ -122,7 +122,7 @@ def build(vertices, faces, split, triangle):
     fitting = make_nodes(node_count, dtype)
     fitting.bounds[:] = nodes.bounds[: len(fitting.bounds)]
     nodes = fitting
-    return Tree(nodes, leaves, _extent(nodes)), triangles, levels
+    return Tree(nodes, leaves, extent_of(nodes)), triangles, levels
 
 
 def _measure_all(mesh, measure):
@@ -149,7 +149,7 @@ def _measure_all(mesh, measure):
     return n
 
 
-def _extent(nodes):
+def extent_of(nodes):
     """Low and high corner of a tree, and the side of a usual leaf: a cube whose surface is the mean of all leaves'."""
     boxes, leaf = boxes_of(nodes), children_of(nodes) < 0
     low, high = boxes[0, :3].min(axis=1), boxes[0, 3:].max(axis=1)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.accel.batches import read
 from raytrace.accel.expansions import TERMS, VECTOR
 from raytrace.accel.lanes import (
     PACKET,
@@ -23,7 +24,6 @@ from raytrace.accel.lanes import (
     select,
     splat_int,
 )
-from raytrace.accel.query import read
 from raytrace.accel.scratch import (
     HIT_U,
     TMIN,

@@ -7,7 +7,7 @@ bounds of the tree, or begins, and of the point where it leaves them, or ends. A
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.accel import query
+from raytrace.accel.batches import read, read_vectors
 from raytrace.accel.lanes import (
     absolute,
     maximum,
@@ -47,8 +47,8 @@ def across(on_x, on_y, values):
 @inlined
 def keys_of_lines(rays: Rays, i: int, n: int, extent, like):
     """Sort keys of rays: octant and dominant axis in the highest bits, then the code of the line."""
-    o, d = query.read_vectors(rays.o, i, n, like), query.read_vectors(rays.d, i, n, like)
-    begin, end = query.read(rays.tmin, i, 0, n, like), query.read(rays.tmax, i, 0, n, like)
+    o, d = read_vectors(rays.o, i, n, like), read_vectors(rays.d, i, n, like)
+    begin, end = read(rays.tmin, i, 0, n, like), read(rays.tmax, i, 0, n, like)
     for axis in range(3):
         first, last = (peek(extent, axis) - o[axis]) / d[axis], (peek(extent, 3 + axis) - o[axis]) / d[axis]
         begin, end = maximum(minimum(first, last), begin), minimum(maximum(first, last), end)

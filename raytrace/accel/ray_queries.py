@@ -1,9 +1,12 @@
 """``RayQueries``: the queries of ``BVH`` about rays; they check their arguments and run on several threads."""
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace.accel import reorder
+from raytrace.accel.batches import Pixels, image_width, whole_blocks
 from raytrace.accel.bundle import BUNDLE
 from raytrace.accel.hit_lists import HitTracer, count_all, list_all
 from raytrace.accel.inputs import check_rays, rays_of
@@ -38,9 +41,9 @@ class RayQueries:
 
         Parameters
         ----------
-        origins, directions : (n, 3) array_like, world units
-            Either may be a single row, which all rays share. Directions may have any length.
-        tmin, tmax : float or (n,) array_like, units of the direction
+        origins, directions : (..., 3) array_like, world units
+            Directions may have any length.
+        tmin, tmax : (...) array_like, units of the direction
             Open interval in which a hit counts.
         threads : int, optional
             Default: one per core that the process may use.
@@ -48,12 +51,17 @@ class RayQueries:
         Returns
         -------
         Hits
-            ``t`` (inf for a miss), ``prim_id`` (-1), ``u``, ``v``: (n,) arrays, p = (1 - u - v) v0 + u v1 + v v2.
+            ``t`` (inf for a miss), ``prim_id`` (-1), ``u``, ``v``: (...) arrays, p = (1 - u - v) v0 + u v1 + v v2.
 
         Raises
         ------
         ValueError
             Shapes that do not match.
+
+        Notes
+        -----
+        The shapes ``...`` broadcast by NumPy's rules: (h, w, 3) directions, one (3,) origin and a tmax of
+        shape (w,) give (h, w) hits. Single rows (3,) alone give hits of shape (1,).
 
         Examples
         --------
@@ -63,7 +71,8 @@ class RayQueries:
         array([ 1., inf], dtype=float32)
         """
         dtype = self.triangles.dtype
-        rays, n = check_rays(origins, directions, tmin, tmax, dtype)
+        rays, shape = check_rays(origins, directions, tmin, tmax, dtype)
+        n, width = math.prod(shape), image_width(shape, MAX_RANGE)
         size = dtype.itemsize
         memory = np.empty(n * (3 * size + 4), np.uint8)  # one block, which the allocator can reuse without new pages
         t, u, v = memory[: 3 * n * size].view(dtype).reshape(3, n)
@@ -73,11 +82,12 @@ class RayQueries:
         def trace(begin: int, end: int) -> None:
             part = Hits(*(column[begin:end] for column in hits))
             scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.work())
-            reorder.closest_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, end - begin, scratch)
+            batch = Pixels(width, (end - begin) // width) if width else end - begin
+            reorder.closest_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
             unused.append(scratch)
 
-        share_out(trace, n, threads)
-        return hits
+        share_out(trace, n, threads, whole_blocks(width))
+        return Hits(*(column.reshape(shape) for column in hits))
 
     def any_hit(
         self,
@@ -91,7 +101,7 @@ class RayQueries:
 
         Returns
         -------
-        (n,) bool array
+        (...) bool array
 
         Examples
         --------
@@ -101,18 +111,20 @@ class RayQueries:
         array([False,  True])
         """
         dtype = self.triangles.dtype
-        rays, n = check_rays(origins, directions, tmin, tmax, dtype)
+        rays, shape = check_rays(origins, directions, tmin, tmax, dtype)
+        n, width = math.prod(shape), image_width(shape, MAX_RANGE)
         occluded = np.empty(n, np.bool_)
         unused: list[reorder.SortScratch] = []
 
         def trace(begin: int, end: int) -> None:
             part = occluded[begin:end]
             scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.work())
-            reorder.any_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, end - begin, scratch)
+            batch = Pixels(width, (end - begin) // width) if width else end - begin
+            reorder.any_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
             unused.append(scratch)
 
-        share_out(trace, n, threads)
-        return occluded
+        share_out(trace, n, threads, whole_blocks(width))
+        return occluded.reshape(shape)
 
     def all_hits(
         self,
@@ -141,8 +153,8 @@ class RayQueries:
         Returns
         -------
         AllHits
-            ``t``, ``prim_id``, ``u``, ``v``: (k,) arrays; ``start``: (n + 1,) int64. The hits of ray i are rows
-            ``start[i]`` to ``start[i + 1]``.
+            ``t``, ``prim_id``, ``u``, ``v``: (k,) arrays; ``start``: (n + 1,) int64. The hits of ray i, in C
+            order, are rows ``start[i]`` to ``start[i + 1]``.
 
         Raises
         ------
@@ -159,7 +171,8 @@ class RayQueries:
         >>> hits.start.tolist(), hits.prim_id.tolist(), hits.t.tolist()
         ([0, 2, 3, 3], [1, 0, 0], [1.0, 2.0, 0.5])
         """
-        rays, n = check_rays(origins, directions, tmin, tmax, self.triangles.dtype)
+        rays, shape = check_rays(origins, directions, tmin, tmax, self.triangles.dtype)
+        n = math.prod(shape)
         return list_all(HitTracer(self, rays, n, crossings), n, threads)
 
     def count_hits(
@@ -176,7 +189,7 @@ class RayQueries:
 
         Returns
         -------
-        (n,) int32 array
+        (...) int32 array
 
         Examples
         --------
@@ -187,8 +200,9 @@ class RayQueries:
         >>> bvh.count_hits([0.5, 0.5, 1], [0, 0, -1], crossings=True)
         array([1], dtype=int32)
         """
-        rays, n = check_rays(origins, directions, tmin, tmax, self.triangles.dtype)
-        return count_all(HitTracer(self, rays, n, crossings), n, threads)
+        rays, shape = check_rays(origins, directions, tmin, tmax, self.triangles.dtype)
+        n = math.prod(shape)
+        return count_all(HitTracer(self, rays, n, crossings), n, threads).reshape(shape)
 
     def contains(self, points: ArrayLike, threads: int | None = None) -> NDArray[np.bool_]:
         """Return whether each point lies inside a closed mesh, or on its surface.
@@ -199,14 +213,14 @@ class RayQueries:
 
         Parameters
         ----------
-        points : (n, 3) array_like, world units
+        points : (..., 3) array_like, world units
             Rounded to the precision of the tree. Points that are not finite are outside.
         threads : int, optional
             Default: one per core that the process may use.
 
         Returns
         -------
-        (n,) bool array
+        (...) bool array
 
         Raises
         ------

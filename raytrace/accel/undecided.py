@@ -42,7 +42,7 @@ def decide_pairs(bvh: "RayQueries", rays: Rays, counts: NDArray[np.int32], work:
         weights = _edges(pair)
         height, total = _triple(pair.a, pair.b, pair.c), sum(weights)
         t = _rounded(-height / total, bvh.triangles.dtype)
-        if not (_row(rays.tmin, ray)[0] < t < _row(rays.tmax, ray)[0]):
+        if not (_number(rays.tmin, ray) < t < _number(rays.tmax, ray)):
             continue
         counts[ray] += 1
         used = int(work.state[USED])
@@ -53,9 +53,14 @@ def decide_pairs(bvh: "RayQueries", rays: Rays, counts: NDArray[np.int32], work:
 
 
 def _row(columns: Columns, i: int) -> list[float]:
-    """Numbers of one ray."""
+    """Origin or direction of one ray."""
     at = columns.start + i * columns.row
-    return [float(columns.data[at + axis * columns.axis]) for axis in range(3 if columns.axis else 1)]
+    return [float(columns.data[at + axis * columns.axis]) for axis in range(3)]
+
+
+def _number(columns: Columns, i: int) -> float:
+    """Limit of t of one ray."""
+    return float(columns.data[columns.start + i * columns.row])
 
 
 def _pair(o: list[float], d: list[float], corners: NDArray[np.floating]) -> _Pair:
