@@ -152,8 +152,13 @@ def less(a: Pair, b: Pair):
 
 @inlined
 def rounded_root(a: Pair):
-    """Square root of a pair that is not negative, rounded once: a step of Newton's method from the root of ``high``."""
+    """Square root of a pair that is not negative, rounded once: a step of Newton's method from the root of ``high``.
+
+    The step is rounded to 26 bits first [Dekker1971]. So roots that lie halfway between two floats are rounded to even,
+    whatever the last bits of the pair; other roots change by less than 2^-26 of half a unit in the last place.
+    """
     root = sqrt(a.high)
     square = root * root
-    rest = ((a.high - square) - fma(root, root, -square)) + a.low
-    return select(root > 0.0, root + rest / (root + root), 0.0)
+    step = ((a.high - square) + (a.low - fma(root, root, -square))) / (root + root)
+    spread = 134217729.0 * step
+    return select(root > 0.0, root + (spread - (spread - step)), 0.0)
