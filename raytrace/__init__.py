@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from raytrace.errors import FileError, OptionError, RaytraceError, SceneError
     from raytrace.image.metrics import compare
     from raytrace.optics import reflect, refract, spawn_ray
+    from raytrace.point_records import ClosestPoint
     from raytrace.records import Hits, Scene, Surface
     from raytrace.rendering.rendering import render
     from raytrace.rendering.result import Render
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "BVH": "accel.bvh",
+    "ClosestPoint": "point_records",
     "FileError": "errors",
     "Hits": "records",
     "OptionError": "errors",
@@ -46,6 +48,7 @@ _HOME = {
 
 __all__ = [
     "BVH",
+    "ClosestPoint",
     "FileError",
     "Hits",
     "OptionError",

@@ -165,16 +165,6 @@ class Hits(NamedTuple):
     v: NDArray[np.floating]  # (n,) f, 0..1: barycentric weight of v2
 
 
-class ClosestPoint(NamedTuple):
-    """Closest points of a mesh, one row per point: p = (1 - u - v) v0 + u v1 + v v2 but for rounding."""
-
-    p: NDArray[np.floating]  # (n, 3) f, world units; NaN: there is none
-    distance: NDArray[np.floating]  # (n,) f, world units; inf: there is no triangle; NaN: the point is not finite
-    prim_id: NDArray[np.int32]  # (n,) i4: row of the faces; -1: there is none
-    u: NDArray[np.floating]  # (n,) f, 0..1: barycentric weight of v1
-    v: NDArray[np.floating]  # (n,) f, 0..1: barycentric weight of v2
-
-
 class Surface(NamedTuple):
     """Points on surfaces, one row per ray; the rows of misses are NaN."""
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+import raytrace as rt
 from raytrace.hardcases import meshes
 
 DIGITS = {"float32": 24, "float64": 53}
@@ -22,7 +23,7 @@ class Verdict(NamedTuple):
     points: int
     p: float  # error of p beyond the rounding of its coordinates
     distance: float
-    not_rounded: int  # distances that are not the exact distance of the mesh, rounded once
+    not_rounded: int  # distances above R / 10^6 that are not the exact distance of the mesh, rounded once
     not_lowest: int  # where not the lowest of the triangles at the same rounded distance is returned
 
 
@@ -132,10 +133,10 @@ def judge(corners, points, answer, precision):
             exact[j] = at, down, Fraction(dot(at, at), down * down)
         rounded = {j: rounded_root(x.numerator, x.denominator, low, precision) for j, (_, _, x) in exact.items()}
         least = min(rounded.values())
-        not_rounded += float(answer.distance[i]) != least
         not_lowest += found != min(j for j in rounded if rounded[j] == least)
         at, down, _ = exact[found]
         radius = eps * max(np.linalg.norm(np.float64(corners[found]) - np.float64(points[i]), axis=1))
+        not_rounded += float(answer.distance[i]) != least and least * eps > 1e-6 * radius
         worst_d = max(worst_d, abs(float(answer.distance[i]) - least) / radius)
         unit = Fraction(2) ** low
         off = [
@@ -172,6 +173,13 @@ MESHES = {
     "needles of 1e9": lambda: needles(1e9),
     "strip": lambda: corners_of(meshes.strip(6, 1e6)),
 }
+
+
+def usable(name, scale, precision):
+    """Triangles of a mesh that have an area in that precision, (m, 3, 3)."""
+    corners = (MESHES[name]() * scale).astype(precision)
+    bvh = rt.BVH(corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3), precision)
+    return corners[np.isfinite(bvh.triangles[:, 9])]
 
 
 def corners_of(mesh):

@@ -1,4 +1,4 @@
-"""The closest point of a triangle to a point, in pairs of float64: exact but for about 2^-100 of the distances involved.
+"""The closest point of a triangle to a point, in pairs of float64: errors are about 2^-100 of the distances involved.
 
 Edges and triangles are computed from their corners in lexicographic order. So triangles that share an edge or a vertex,
 and triangles that are equal, get bit-identical distances, whatever the order of their corners.

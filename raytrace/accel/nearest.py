@@ -1,7 +1,8 @@
 """The closest point of a mesh to a point: branch and bound over the tree, eight boxes or triangles at a time.
 
-Boxes and leaves give bounds on squared distances, in the precision of the tree. Triangles whose lower bound is not above
-the lowest upper bound so far become candidates. Those that are left in the end are computed in pairs of float64.
+Boxes and leaves give bounds on squared distances, in the precision of the tree. Triangles whose lower bound is not
+above the lowest upper bound so far become candidates. Those that are left in the end are computed in pairs of float64.
+docs/numerics.md derives the bounds.
 """
 
 from typing import NamedTuple
@@ -32,7 +33,8 @@ from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, NORMAL, PRESENT, 
 from raytrace.accel.single import fetch
 from raytrace.accel.stack import NOTHING, ROOT, pop, push
 from raytrace.jit import inlined, kernel, subroutine
-from raytrace.records import ClosestPoint, Tree, Work
+from raytrace.point_records import ClosestPoint
+from raytrace.records import Tree, Work
 
 CANDIDATES = 128  # triangles that wait to be computed
 ROUNDINGS = 16.0  # machine epsilons: error of a squared distance, relative to the squared distance of a corner
@@ -176,7 +178,7 @@ def load_candidate(tree: Tree, place: int, rows, k: int):
 
 @inlined
 def keep_closest(tree: Tree, place: int, work: PointWork, k: int):
-    """Keep the closest point in column k if it is closer than the closest one so far, or as close and its number lower."""
+    """Keep the point in column k if it is closer than the closest one so far, or as close and of a lower number."""
     work.trial[0] = work.rows[(ANSWER + 3) * NODE + k]  # rounds it to the precision of the tree
     number = np.int32(peek(tree.leaves.prim_id, place // NODE * LEAF_SIZE + PRIM_ID + place % NODE))
     if work.trial[0] < work.best[3] or (work.trial[0] == work.best[3] and number < work.owner[0]):

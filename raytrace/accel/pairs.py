@@ -1,7 +1,7 @@
 """Pairs of floats (high, low) that stand for their unevaluated sum: twice the precision, in lanes.
 
-|low| is at most half a unit in the last place of high. u is the unit roundoff. Sums and products without error are those
-of [Dekker1971] and [Knuth1997]; scalar products and determinants accumulate the errors of all terms, as in [Ogita2005].
+|low| is at most half a unit in the last place of high; u is the unit roundoff. Sums and products without error are
+those of [Dekker1971] and [Knuth1997]. Scalar products and determinants add the errors of all terms, as in [Ogita2005].
 """
 
 from typing import NamedTuple

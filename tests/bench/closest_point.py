@@ -8,6 +8,7 @@ the size away. Open3D is float32, libigl float64. All use the same number of thr
 
 import os
 from argparse import Namespace
+from collections.abc import Callable
 
 import harness
 import numpy as np
@@ -41,8 +42,10 @@ def point_sets(vertices: np.ndarray, faces: np.ndarray, n: int) -> dict[str, np.
     return {name: points.astype(np.float32) for name, points in sets.items()}
 
 
-def calls_of(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray, threads: int):
-    """Return the calls to time by name, and one that returns distances by name."""
+def calls_of(
+    vertices: np.ndarray, faces: np.ndarray, points: np.ndarray, threads: int
+) -> dict[str, Callable[[], np.ndarray]]:
+    """Return the calls to time, by name; those of raytrace and libigl return distances, or their squares."""
     import igl
     import open3d as o3d
 
@@ -95,8 +98,7 @@ def main() -> None:
     about = harness.begin()
     rows = measure(options)
     harness.table(list(rows[0]), [list(row.values()) for row in rows])
-    if options.json:
-        harness.write(options.json, about, rows)
+    harness.finish(options, about, rows)
 
 
 if __name__ == "__main__":
