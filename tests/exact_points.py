@@ -118,11 +118,11 @@ def approximate(points, corners):
 def judge(corners, points, answer, precision):
     """Compare answers with exact arithmetic; corners (m, 3, 3) of triangles that have an area, points (n, 3)."""
     eps = float(np.finfo(precision).eps)
-    scale = 2.0 ** -np.frexp(max(np.abs(corners).max(), np.abs(points).max()))[1]
+    scale = 0.5 ** np.frexp(float(max(np.abs(corners).max(), np.abs(points).max())))[1]
     with np.errstate(all="ignore"):
         squares = approximate(np.float64(points) * scale, np.float64(corners) * scale)
-    reach = (np.linalg.norm(np.float64(points)[:, None] - points.mean(), axis=-1) + np.abs(corners).max() * 8) * scale
-    near = ~(squares > (squares.min(axis=1) + 1e-6 * squares.min(axis=1) + 1e-11 * reach[:, 0] ** 2)[:, None])
+    reach = np.abs(points * scale).max(axis=1) + np.abs(corners).max() * scale
+    near = ~(squares > (squares.min(axis=1) * (1 + 1e-6) + 1e-11 * reach**2)[:, None])
     whole, low = integers(np.concatenate([np.float64(corners).reshape(-1, 3), np.float64(points)]))
     m, worst_p, worst_d, not_rounded, not_lowest = len(corners), 0.0, 0.0, 0, 0
     for i in range(len(points)):
@@ -135,15 +135,16 @@ def judge(corners, points, answer, precision):
         least = min(rounded.values())
         not_lowest += found != min(j for j in rounded if rounded[j] == least)
         at, down, _ = exact[found]
-        radius = eps * max(np.linalg.norm(np.float64(corners[found]) - np.float64(points[i]), axis=1))
+        away = np.float64(corners[found]) * scale - np.float64(points[i]) * scale
+        radius = eps * float(np.linalg.norm(away, axis=1).max()) / scale
         not_rounded += float(answer.distance[i]) != least and least * eps > 1e-6 * radius
         worst_d = max(worst_d, abs(float(answer.distance[i]) - least) / radius)
         unit = Fraction(2) ** low
         off = [
-            float(abs(Fraction(float(x)) - unit * (o + Fraction(y, down)))) - abs(float(x)) * eps / 2
+            float(abs(Fraction(float(x)) - unit * (o + Fraction(y, down)))) - np.spacing(abs(x)) / 2
             for x, o, y in zip(answer.p[i], origin, at, strict=True)
         ]
-        worst_p = max(worst_p, float(np.linalg.norm(np.maximum(off, 0))) / radius)
+        worst_p = max(worst_p, float(np.linalg.norm(np.maximum(off, 0) / radius)))
     return Verdict(len(points), worst_p, worst_d, not_rounded, not_lowest)
 
 

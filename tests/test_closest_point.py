@@ -54,7 +54,7 @@ def test_extreme_meshes_and_points(precision):
     small, large = np.sqrt(float(kind.smallest_normal) / float(kind.eps)), np.sqrt(float(kind.max)) / 17
     cube = exact_points.usable("cube", 1.0, precision)
     cases = [(cube * small, 1.0), (cube * large, 1.0), (cube, 1e-3 / small), (cube, float(kind.max) / 8)]
-    tiny = np.concatenate([cube, cube * np.sqrt(small) + 0.5, cube * small])
+    tiny = np.concatenate([cube, cube * np.sqrt(small), cube * small])  # within each other
     for corners, away in [*cases, (tiny, 1.0)]:
         corners = corners.astype(precision)
         points = exact_points.aimed(corners, COUNT // 3, 7, precision)
