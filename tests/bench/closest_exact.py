@@ -2,8 +2,8 @@
 
     python tests/bench/closest_exact.py [--points N] [--json FILE]
 
-Each mesh has at most 120 triangles. For each point, the exact distances of all triangles that float64 cannot exclude are
-computed as ratios of integers. Exits with 1 if an answer breaks a promise of ``closest_point``.
+Each mesh has at most 120 triangles. For each point, the exact distances of all triangles that float64 cannot exclude
+are computed as ratios of integers. Exits with 1 if an answer breaks a promise of ``closest_point``.
 """
 
 import sys
@@ -17,7 +17,7 @@ import numpy as np
 import raytrace as rt
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-import exact_points  # noqa: E402
+import exact_points
 
 SCALES = 1.0, 1e-12, 1e12
 HEADER = "precision", "mesh", "points", "p, eps R", "distance, eps R", "not rounded", "not the lowest"
