@@ -5,7 +5,7 @@ squared distance, a ratio of two integers [Ericson2004, 5.1.5]. ``judge`` compar
 """
 
 from fractions import Fraction
-from math import isqrt
+from math import dist, isqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -135,8 +135,7 @@ def judge(corners, points, answer, precision):
         least = min(rounded.values())
         not_lowest += found != min(j for j in rounded if rounded[j] == least)
         at, down, _ = exact[found]
-        away = np.float64(corners[found]) * scale - np.float64(points[i]) * scale
-        radius = eps * float(np.linalg.norm(away, axis=1).max()) / scale
+        radius = eps * max(dist(corner, points[i].tolist()) for corner in corners[found].tolist())
         not_rounded += float(answer.distance[i]) != least and least * eps > 1e-6 * radius
         worst_d = max(worst_d, abs(float(answer.distance[i]) - least) / radius)
         unit = Fraction(2) ** low

@@ -95,16 +95,18 @@ def test_many_triangles_at_the_same_distance():
 
 
 def test_neighbours_that_list_their_corners_in_another_order_tie():
-    """A point above an edge with coordinates that are no round numbers has the same distance from both triangles."""
-    corners = np.array([[0.1, 0.2, 0.3], [1.3, 0.7, -0.2], [0.4, 1.1, 0.6], [0.9, -0.8, 0.5]])
-    orders = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]]
-    points = (corners[0] + corners[1]) / 2 + [0.3, -0.1, 2.0] + 0.1 * around(COUNT)
+    """Points so near an edge through the origin that only identical arithmetic gives identical distances."""
+    side = np.round(np.array([0.1234567, 0.7654321, -0.3141593]) * 2**40) / 2**40
+    corners = np.array([-3 * side, 5 * side, [0.4, 1.1, 0.6], [0.9, -0.8, 0.5]])
+    points = np.concatenate([1e-24 * around(COUNT), around(COUNT)])
     first = rt.BVH(corners, [[0, 1, 3], [0, 1, 2]], "float64").closest_point(points)
-    for order in orders:
+    assert first.distance[:COUNT].max() < 4e-24
+    for order in ([0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]):
         faces = [np.take([0, 1, 2], order), [1, 0, 3], np.take([0, 1, 2], order[::-1])]
         found = rt.BVH(corners, faces, "float64").closest_point(points)
         assert np.array_equal(found.distance, first.distance)
         assert not (found.prim_id == 2).any()
+        assert (found.prim_id[:COUNT] == 0).mean() > 0.3  # the distance of the edge, which both have, is the lowest
         assert np.array_equal(found.p, first.p)
 
 
