@@ -157,7 +157,7 @@ def test_without_a_closest_point():
 def test_the_sign_is_negative_inside_and_zero_on_the_surface(monkeypatch):
     bvh = rt.BVH(*meshes.cube())
     if not hasattr(bvh, "contains"):
-        monkeypatch.setattr(rt.BVH, "contains", lambda _, p: (np.abs(p) <= 1).all(axis=-1), raising=False)
+        monkeypatch.setattr(rt.BVH, "contains", lambda _, p, threads: (np.abs(p) <= 1).all(axis=-1), raising=False)
     points = np.array([[[0, 0, 0], [0.75, 0, 0]], [[1, 0.5, 0.25], [3, 0, 0]], [[1, 1, 1], [2, 2, 1]]])
     distance = bvh.signed_distance(points)
     assert distance.dtype == np.float32
