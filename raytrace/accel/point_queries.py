@@ -116,9 +116,10 @@ class PointQueries(RayQueries):
         >>> bvh.signed_distance([[0.125, 0.25, 0.25], [0.25, 0.25, -1], [0.5, 0.25, 0]])
         array([-0.125,  1.   ,  0.   ], dtype=float32)
         """
-        inside = self.contains(points, threads=threads)  # type: ignore[attr-defined]
-        distance = self.closest_point(points, threads=threads).distance
-        return np.where(inside & (distance > 0), -distance, distance)
+        rows, shape = point_rows(points)
+        inside = self.contains(rows, threads=threads)  # type: ignore[attr-defined]
+        distance = self.closest_point(rows, threads=threads).distance
+        return np.where(inside & (distance > 0), -distance, distance).reshape(shape)
 
     def point_work(self) -> nearest.PointWork:
         """Allocate scratch memory for one thread."""
