@@ -14,6 +14,7 @@ import raytrace as rt
 from raytrace.hardcases import meshes
 
 DIGITS = {"float32": 24, "float64": 53}
+RESOLUTION = 2.0**-60  # of R: distances that differ by less may count as equal (in slivers)
 SMALLEST = {"float32": -149, "float64": -1074}  # exponent of the smallest positive number
 
 
@@ -133,9 +134,10 @@ def judge(corners, points, answer, precision):
             exact[j] = at, down, Fraction(dot(at, at), down * down)
         rounded = {j: rounded_root(x.numerator, x.denominator, low, precision) for j, (_, _, x) in exact.items()}
         least = min(rounded.values())
-        not_lowest += found != min(j for j in rounded if rounded[j] == least)
         at, down, _ = exact[found]
         radius = eps * max(dist(corner, points[i].tolist()) for corner in corners[found].tolist())
+        lowest = min(j for j in rounded if rounded[j] == least)
+        not_lowest += found > lowest or rounded[found] - least > RESOLUTION / eps * radius
         not_rounded += float(answer.distance[i]) != least and least * eps > 1e-6 * radius
         worst_d = max(worst_d, abs(float(answer.distance[i]) - least) / radius)
         unit = Fraction(2) ** low
@@ -163,6 +165,14 @@ def overlapping():
     return np.concatenate([flat, flat[::3, [1, 2, 0]], flat[::4, [0, 2, 1]], flat[:5] * 2.0, flat[:4] + [0.25, 0.5, 0]])
 
 
+def threads():
+    """Slivers through the origin, of heights down to 1e-40, and a triangle of ordinary shape."""
+    side = np.round(meshes.uniform(5, 12, 1, 3) * 2**20) / 2**20
+    heights = np.logspace(-40, -7, 12)[:, None, None]
+    slivers = np.concatenate([-3 * side, 5 * side, heights * meshes.uniform(6, 12, 1, 3)], axis=1)
+    return np.concatenate([slivers, [[[1.0, 2.0, 3.0], [2.0, 1.0, 2.5], [1.5, 2.5, 1.5]]]])
+
+
 MESHES = {
     "cube": lambda: corners_of(meshes.cube()),
     "overlapping": overlapping,
@@ -171,6 +181,7 @@ MESHES = {
     "needles": lambda: needles(1e3),
     "slivers": lambda: needles(3e5),
     "needles of 1e9": lambda: needles(1e9),
+    "threads": threads,
     "strip": lambda: corners_of(meshes.strip(6, 1e6)),
 }
 

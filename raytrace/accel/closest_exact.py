@@ -31,6 +31,7 @@ SHORTEST = 2.0**-1000  # largest difference of coordinates up to which lengths a
 POINT = 2.0**-900  # squared length of an edge that is no more than a point as seen from the query point
 THIN = 2.0**-51  # height over distance: a thinner triangle is as good as its edges
 ZERO = 2.0**-96  # distance over the largest distance of a corner: what is smaller is 0
+ZERO_SLIVER = 2.0**-60  # the largest such ratio in slivers
 
 
 class Corner(NamedTuple):
@@ -118,8 +119,8 @@ def on_face(sides: Sides):
     thin = THIN * sides.reach
     inside = (nn.high > thin * thin * sides.longest) & (b.high >= 0.0) & (c.high >= 0.0) & (a >= 0.0)
     square = scalar_product(away, away)
-    least = ZERO * sides.reach * sides.longest  # the error of ``away`` grows with 1 / sine of the angle between e and f
-    nothing = square.high * nn.high <= least * least
+    least, most = ZERO * sides.reach * sides.longest, ZERO_SLIVER * sides.reach  # ``away`` errs by 20 w^2 R / sine
+    nothing = (square.high * nn.high <= least * least) & (square.high <= most * most)
     return Nearest(away, pick(nothing, times_zero(square), square), a, b.high + b.low, c.high + c.low), inside
 
 
