@@ -15,7 +15,7 @@ from raytrace.jit import PLAIN
 pytestmark = pytest.mark.engine
 
 PRECISIONS = ("float32", "float64")
-COUNT = 4 if PLAIN else 120
+COUNT = 4 if PLAIN else 48
 
 
 def tree(corners, precision, **options):
@@ -73,7 +73,7 @@ def test_no_triangle_is_lost_in_a_larger_mesh(precision):
     points = around(4000).astype(precision)
     found = bvh.closest_point(points)
     corners = bvh.vertices[bvh.faces].astype(np.float64)
-    for part in np.array_split(np.arange(400), 8):
+    for part in np.array_split(np.arange(120), 4):
         squares = exact_points.approximate(points[part].astype(np.float64), corners)
         assert np.allclose(np.sqrt(squares.min(axis=1)), found.distance[part], rtol=0, atol=4 * np.finfo(precision).eps)
     assert equal(found, bvh.closest_point(points, threads=2))
