@@ -117,7 +117,7 @@ class PointQueries(RayQueries):
         array([-0.125,  1.   ,  0.   ], dtype=float32)
         """
         rows, shape = point_rows(points)
-        inside = self.contains(rows, threads=threads)  # type: ignore[attr-defined]
+        inside = self.contains(rows, threads=threads)  # type: ignore[attr-defined, unused-ignore]
         distance = self.closest_point(rows, threads=threads).distance
         return np.where(inside & (distance > 0), -distance, distance).reshape(shape)
 
