@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from raytrace.errors import FileError, OptionError, RaytraceError, SceneError
     from raytrace.image.metrics import compare
     from raytrace.optics import reflect, refract, spawn_ray
+    from raytrace.point_records import ClosestPoint
     from raytrace.records import AllHits, Hits, Scene, Surface
     from raytrace.rendering.pixel_rays import camera_rays
     from raytrace.rendering.rendering import render
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 _HOME = {
     "AllHits": "records",
     "BVH": "accel.bvh",
+    "ClosestPoint": "point_records",
     "FileError": "errors",
     "Hits": "records",
     "OptionError": "errors",
@@ -50,6 +52,7 @@ _HOME = {
 __all__ = [
     "BVH",
     "AllHits",
+    "ClosestPoint",
     "FileError",
     "Hits",
     "OptionError",

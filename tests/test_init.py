@@ -41,7 +41,10 @@ HEAVY = {
     "rich",
 }
 FUNCTIONS = {"camera_rays", "load", "render", "explain", "compare", "demo", "reflect", "refract", "report", "spawn_ray"}
-CLASSES = {"BVH", "Render", "Scene", "Hits", "Surface", "RaytraceError", "SceneError", "FileError", "OptionError"}
+CLASSES = {
+    *("AllHits", "BVH", "ClosestPoint", "Hits", "Render", "Scene", "Surface"),
+    *("RaytraceError", "SceneError", "FileError", "OptionError"),
+}
 ROOMS = {"bsdf", "show", "textbook"}
 SUBMODULES = [
     "rendering.rendering",

@@ -10,7 +10,7 @@ from raytrace.accel.build import LEAVES, SMALL_MESH, build
 from raytrace.accel.grow import SPLITS
 from raytrace.accel.hit_points import blend, error_scale, gamma
 from raytrace.accel.inputs import MeshLike, check_faces, check_vertices, mesh_arrays, one_of
-from raytrace.accel.ray_queries import RayQueries
+from raytrace.accel.point_queries import PointQueries
 from raytrace.accel.validate import TreeStats, tree_problems, tree_stats
 from raytrace.records import Hits, Surface
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from raytrace.accel.refit import Built
 
 
-class BVH(RayQueries):
+class BVH(PointQueries):
     """Bounding volume hierarchy over a triangle mesh: nearest hits and occlusion for batches of rays.
 
     Parameters
