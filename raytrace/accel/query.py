@@ -52,7 +52,7 @@ from raytrace.accel.scratch import (
     write_rows,
 )
 from raytrace.accel.vectors import scaled
-from raytrace.jit import inlined, kernel
+from raytrace.jit import c_kernel, inlined
 from raytrace.records import Columns, Hits, Rays, Tree, Work
 
 ORDINARY = 2.0**10  # directions whose largest component lies in 1 / ORDINARY .. ORDINARY are not scaled
@@ -220,7 +220,7 @@ def any_of_packet(tree: Tree, r: int, work: Work, like) -> int:
     return occluded
 
 
-@kernel
+@c_kernel
 def closest_hit(tree: Tree, rays: Rays, hits: Hits, n: int, work: Work):
     """Find the nearest hits of n rays."""
     like, width = packet(tree.nodes.bounds), packet_width(tree.nodes.bounds)
@@ -237,7 +237,7 @@ def closest_hit(tree: Tree, rays: Rays, hits: Hits, n: int, work: Work):
             write(hits.v, at, n, select(found, read_row(work, r, HIT_V, like), 0.0))
 
 
-@kernel
+@c_kernel
 def any_hit(tree: Tree, rays: Rays, occluded, n: int, work: Work):
     """Find which of n rays hit anything."""
     like, width = packet(tree.nodes.bounds), packet_width(tree.nodes.bounds)
