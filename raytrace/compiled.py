@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.core import types
 from numba.core.errors import TypingError
-from numba.extending import overload, register_jitable
+from numba.extending import overload
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace.accel import query
@@ -20,7 +20,6 @@ from raytrace.accel.inputs import check_rays, rays_of
 from raytrace.accel.layout import aligned
 from raytrace.jit import PLAIN
 from raytrace.native.caller import (
-    LAYOUT,
     LAYOUT_NUMBER,
     LEAF_TYPE,
     LINE,
@@ -30,12 +29,12 @@ from raytrace.native.caller import (
     closest_of_one,
     of_many,
 )
+from raytrace.native.compiled_rays import check, gathered, ray
 from raytrace.records import Columns, Hits, MollerTrumboreLeaves, Nodes, Rays, Tree, WatertightLeaves, Work
 
 __all__ = ["Handle", "any_hit", "closest_hit", "handle"]
 
 LEAVES = WatertightLeaves, MollerTrumboreLeaves
-OTHER = "compiled with another release of raytrace: delete Numba's cached files of this function (__pycache__/*.nbi)"
 FAILED = "the machine code of the query reports an error"
 
 
@@ -45,7 +44,7 @@ class Handle(NamedTuple):
     bounds: NDArray[np.floating]  # the arrays of Tree
     child: NDArray[np.integer]
     rows: NDArray[np.floating]
-    prim_id: NDArray[np.integer]
+    prim_id: NDArray[Any]
     extent: NDArray[np.floating]
     closest: NDArray[np.int64]  # words for the call of closest_hit, see native/caller.py
     any: NDArray[np.int64]  # words for the call of any_hit
@@ -91,7 +90,8 @@ def handle(bvh: BVH) -> Handle:
     rays, hits = Rays(*[column] * 4), Hits(column.data, numbers, column.data, column.data)
     closest = _words(query.closest_hit, (bvh.tree, rays, hits, 1, work))
     occluded = _words(query.any_hit, (bvh.tree, rays, np.empty(1, np.bool_), 1, work))
-    return Handle(*bvh.tree.nodes, *bvh.tree.leaves, bvh.tree.extent, closest, occluded)
+    nodes, leaves = bvh.tree.nodes, bvh.tree.leaves
+    return Handle(nodes.bounds, nodes.child, leaves.rows, leaves.prim_id, bvh.tree.extent, closest, occluded)
 
 
 def _words(kernel: Any, args: tuple[Any, ...]) -> NDArray[np.int64]:
@@ -200,74 +200,11 @@ def _tree(scene: Handle) -> Tree:
 def _work(scene: Handle) -> Work:
     """Allocate scratch memory for a call from Python."""
     dtype, lengths = scene.extent.dtype, scene.closest[-WORK + 1 :: 2]
-    kinds = dtype, np.dtype(np.int32), np.dtype(np.int32), dtype, np.dtype(np.int32), np.dtype(np.int64)
-    return Work(*(aligned(int(n), kind) for n, kind in zip(lengths, kinds, strict=True)))
+    kinds = dtype.name, "int32", "int32", dtype.name, "int32", "int64"
+    return Work(*(aligned(int(n), np.dtype(kind)) for n, kind in zip(lengths, kinds, strict=True)))
 
 
 # --- the same for Numba ----------------------------------------------------------------------------------------------
-
-
-def _points(value: Any, like: Any) -> Any:
-    """Return one point or direction, or n of them, as a flat array of the type of ``like``."""
-
-
-def _limits(value: Any, like: Any) -> Any:
-    """Return one limit of t, or n of them, as a flat array of the type of ``like``."""
-
-
-@overload(_points)
-def _points_of(value: Any, like: Any) -> Any:
-    if isinstance(value, types.BaseTuple) and len(value) == 3:
-
-        def row(value: Any, like: Any) -> Any:
-            flat = np.empty(3, like.dtype)
-            flat[0], flat[1], flat[2] = value
-            return flat
-
-        return row
-    if not isinstance(value, types.Array) or value.ndim > 2:
-        raise TypingError(f"origin, direction: expected 3 numbers or an (n, 3) array, got {value}")
-    same = value.dtype == like.dtype and value.layout == "C"
-
-    def rows(value: Any, like: Any) -> Any:
-        if value.shape[-1] != 3:
-            raise ValueError("origin, direction: expected 3 numbers or an (n, 3) array")
-        return value.ravel() if same else value.astype(like.dtype).ravel()
-
-    return rows
-
-
-@overload(_limits)
-def _limits_of(value: Any, like: Any) -> Any:
-    def single(value: Any, like: Any) -> Any:
-        return np.full(1, value, like.dtype)
-
-    def several(value: Any, like: Any) -> Any:
-        return value.astype(like.dtype)
-
-    return several if isinstance(value, types.Array) else single
-
-
-@register_jitable
-def _gathered(scene: Any, origin: Any, direction: Any, tmin: Any, tmax: Any) -> Any:
-    """Return the fields of n rays as flat arrays, the elements from one ray to the next in each, and n."""
-    like = scene.extent
-    o, d, low, high = _points(origin, like), _points(direction, like), _limits(tmin, like), _limits(tmax, like)
-    counts = (len(o) // 3, len(d) // 3, len(low), len(high))
-    n = 1
-    for count in counts:
-        n = count if n == 1 else n
-    for count in counts:
-        if count != 1 and count != n:
-            raise ValueError("origin, direction, tmin, tmax: lengths do not match")
-    rows = (3 * (counts[0] == n), 3 * (counts[1] == n), 1 * (counts[2] == n), 1 * (counts[3] == n))
-    return (o, d, low, high), rows, n
-
-
-@register_jitable
-def _check(words: Any) -> None:
-    if words[LAYOUT] != LAYOUT_NUMBER:
-        raise RuntimeError(OTHER)
 
 
 def _is_one(scene: Any, origin: Any, direction: Any, tmin: Any, tmax: Any) -> bool:
@@ -278,26 +215,19 @@ def _is_one(scene: Any, origin: Any, direction: Any, tmin: Any, tmax: Any) -> bo
     return not limits and not any(isinstance(value, types.Array) and value.ndim > 1 for value in (origin, direction))
 
 
-@register_jitable
-def _ray(origin: Any, direction: Any, tmin: Any, tmax: Any) -> Any:
-    if len(origin) != 3 or len(direction) != 3:
-        raise ValueError("origin, direction: expected 3 numbers or an (n, 3) array")
-    return origin[0], origin[1], origin[2], direction[0], direction[1], direction[2], tmin, tmax
-
-
 @overload(closest_hit)
 def _closest_hit(scene: Any, origin: Any, direction: Any, tmin: Any = 0.0, tmax: Any = np.inf) -> Any:
     def one(scene: Any, origin: Any, direction: Any, tmin: Any = 0.0, tmax: Any = np.inf) -> Any:
-        _check(scene.closest)
-        ray, scratch = _ray(origin, direction, tmin, tmax), np.empty(scene.closest[SCRATCH], np.uint8)
-        status, t, prim_id, u, v = closest_of_one(scene.closest, scratch, ray, scene.extent)
+        check(scene.closest)
+        one_ray, scratch = ray(origin, direction, tmin, tmax), np.empty(scene.closest[SCRATCH], np.uint8)
+        status, t, prim_id, u, v = closest_of_one(scene.closest, scratch, one_ray, scene.extent)
         if status != 0:
             raise RuntimeError(FAILED)
         return t, prim_id, u, v
 
     def many(scene: Any, origin: Any, direction: Any, tmin: Any = 0.0, tmax: Any = np.inf) -> Any:
-        _check(scene.closest)
-        fields, rows, n = _gathered(scene, origin, direction, tmin, tmax)
+        check(scene.closest)
+        fields, rows, n = gathered(scene, origin, direction, tmin, tmax)
         t, u, v = np.empty(n, fields[0].dtype), np.empty(n, fields[0].dtype), np.empty(n, fields[0].dtype)
         prim_id = np.empty(n, np.int32)
         scratch = np.empty(scene.closest[SCRATCH], np.uint8)
@@ -311,16 +241,16 @@ def _closest_hit(scene: Any, origin: Any, direction: Any, tmin: Any = 0.0, tmax:
 @overload(any_hit)
 def _any_hit(scene: Any, origin: Any, direction: Any, tmin: Any = 0.0, tmax: Any = np.inf) -> Any:
     def one(scene: Any, origin: Any, direction: Any, tmin: Any = 0.0, tmax: Any = np.inf) -> Any:
-        _check(scene.any)
-        ray, scratch = _ray(origin, direction, tmin, tmax), np.empty(scene.any[SCRATCH], np.uint8)
-        status, occluded = any_of_one(scene.any, scratch, ray, scene.extent)
+        check(scene.any)
+        one_ray, scratch = ray(origin, direction, tmin, tmax), np.empty(scene.any[SCRATCH], np.uint8)
+        status, occluded = any_of_one(scene.any, scratch, one_ray, scene.extent)
         if status != 0:
             raise RuntimeError(FAILED)
         return occluded != 0
 
     def many(scene: Any, origin: Any, direction: Any, tmin: Any = 0.0, tmax: Any = np.inf) -> Any:
-        _check(scene.any)
-        fields, rows, n = _gathered(scene, origin, direction, tmin, tmax)
+        check(scene.any)
+        fields, rows, n = gathered(scene, origin, direction, tmin, tmax)
         occluded = np.empty(n, np.bool_)
         scratch = np.empty(scene.any[SCRATCH], np.uint8)
         if of_many(scene.any, scratch, fields, rows, (occluded,), n) != 0:

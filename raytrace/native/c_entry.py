@@ -1,8 +1,8 @@
 """A second entry of a kernel: a C function, which other machine code calls through its address.
 
-``int entry(const int64_t *words)`` reads the arguments of the kernel from a block of words, in order: address and length
-of each array, one word for each integer; records are their fields, one after the other. It needs no Python object and
-not the global interpreter lock.
+``int entry(const int64_t *words)`` reads the arguments of the kernel from a block of words, in order: address and
+length of each array, one word for each integer; records are their fields, one after the other. It needs no Python
+object and not the global interpreter lock.
 """
 
 from collections.abc import Iterable

@@ -11,7 +11,7 @@ from typing import Any
 
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.extending import intrinsic
+from numba.extending import intrinsic as numba_intrinsic
 
 from raytrace.records import Columns, Hits, Nodes, Rays, Tree, WatertightLeaves, Work
 
@@ -24,6 +24,7 @@ OUT = TREE + COLUMN * len(Rays._fields)  # place of the results in the block; th
 ROW = 3  # place of ``row`` in a column
 WORK = 2 * len(Work._fields)  # words; instead of addresses the block has offsets in scratch memory
 LINE = 64  # bytes: the alignment of scratch memory
+intrinsic: Any = numba_intrinsic  # calls of an intrinsic omit its first parameter, which its type does not say
 I8, I32, I64 = ir.IntType(8), ir.IntType(32), ir.IntType(64)
 
 
@@ -38,11 +39,11 @@ class _Call:
         """Set a word of the block: an integer or an address."""
         self._values[place] = self.builder.ptrtoint(value, I64) if value.type.is_pointer else value
 
-    def data(self, kind: types.Array, array: ir.Value) -> ir.Value:
+    def data(self, kind: Any, array: ir.Value) -> ir.Value:
         """Return the address of the elements of an array."""
         return self.context.make_array(kind)(self.context, self.builder, array).data
 
-    def several(self, k: int) -> list[tuple[types.Type, ir.Value]]:
+    def several(self, k: int) -> list[tuple[Any, ir.Value]]:
         """Return types and values of the items of argument k, a tuple."""
         return list(zip(self.kinds[k], cgutils.unpack_tuple(self.builder, self.args[k]), strict=True))
 
