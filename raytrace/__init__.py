@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from raytrace.errors import FileError, OptionError, RaytraceError, SceneError
     from raytrace.image.metrics import compare
     from raytrace.optics import reflect, refract, spawn_ray
-    from raytrace.records import Hits, Scene, Surface
+    from raytrace.records import AllHits, Hits, Scene, Surface
     from raytrace.rendering.rendering import render
     from raytrace.rendering.result import Render
     from raytrace.reporting.sweep import report
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from raytrace.scene.plan import explain
 
 _HOME = {
+    "AllHits": "records",
     "BVH": "accel.bvh",
     "FileError": "errors",
     "Hits": "records",
@@ -46,6 +47,7 @@ _HOME = {
 
 __all__ = [
     "BVH",
+    "AllHits",
     "FileError",
     "Hits",
     "OptionError",

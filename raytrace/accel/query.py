@@ -168,6 +168,13 @@ def trace_together(tree: Tree, rays: Rays, i: int, n: int, test, work: Work) -> 
     """Write packets to scratch memory; trace them as a bundle if they run close together; return whether they do."""
     count = packets_from(i, n, work)
     dominant, sense = collect(rays, i, n, count, work)
+    return trace_collected(tree, (dominant, sense), count, test, work)
+
+
+@inlined
+def trace_collected(tree: Tree, axis, count: int, test, work: Work) -> bool:
+    """Trace packets in scratch memory as a bundle if they run close together; ``axis``: as ``collect`` returns it."""
+    dominant, sense = axis
     if dominant < 0:
         return False
     for r in range(count):

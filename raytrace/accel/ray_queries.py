@@ -5,12 +5,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from raytrace.accel import reorder
 from raytrace.accel.bundle import BUNDLE
+from raytrace.accel.hit_lists import HitTracer, count_all, list_all
 from raytrace.accel.inputs import check_rays, rays_of
 from raytrace.accel.lanes import NODE, PACKET
 from raytrace.accel.layout import aligned
 from raytrace.accel.scratch import ROWS
 from raytrace.parallel import MAX_RANGE, share_out
-from raytrace.records import Hits, Tree, Work
+from raytrace.records import AllHits, Hits, Tree, Work
 
 
 class RayQueries:
@@ -108,6 +109,82 @@ class RayQueries:
 
         share_out(trace, n, threads)
         return occluded
+
+    def all_hits(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        tmin: ArrayLike = 0.0,
+        tmax: ArrayLike = np.inf,
+        *,
+        crossings: bool = False,
+        threads: int | None = None,
+    ) -> AllHits:
+        """Return all hits of each ray, sorted by t, then by ``prim_id``.
+
+        Parameters
+        ----------
+        origins, directions, tmin, tmax, threads
+            Those of ``closest_hit``. The interval is tested on the rounded t.
+        crossings : bool
+            False: every triangle that holds a point of the ray is reported, also at its edges and corners, so a ray
+            through an edge hits two triangles there. The first hit is that of ``closest_hit``.
+            True: every crossing of a closed surface counts once, whichever edges and vertices the ray meets, so that
+            the parity of their number is exact: odd if the origin is inside. Where the surface folds over the ray,
+            any number of the right parity may be reported. With ``tmin=0``, whether a crossing lies beyond the origin
+            is decided exactly. If the mesh is not closed, the parity means nothing.
+
+        Returns
+        -------
+        AllHits
+            ``t``, ``prim_id``, ``u``, ``v``: (k,) arrays; ``start``: (n + 1,) int64. The hits of ray i are rows
+            ``start[i]`` to ``start[i + 1]``.
+
+        Raises
+        ------
+        ValueError
+            Shapes that do not match.
+        MemoryLimitError
+            There is no memory for so many hits; the message has their number. It is a ``ValueError`` too.
+
+        Examples
+        --------
+        >>> import raytrace as rt
+        >>> bvh = rt.BVH([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]], [[0, 1, 2], [3, 4, 5]])
+        >>> hits = bvh.all_hits([[0.25, 0.25, 2], [0.25, 0.25, 0.5], [2, 2, 2]], [0, 0, -1])
+        >>> hits.start.tolist(), hits.prim_id.tolist(), hits.t.tolist()
+        ([0, 2, 3, 3], [1, 0, 0], [1.0, 2.0, 0.5])
+        """
+        rays, n = check_rays(origins, directions, tmin, tmax, self.triangles.dtype)
+        return list_all(HitTracer(self, rays, n, crossings), n, threads)
+
+    def count_hits(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        tmin: ArrayLike = 0.0,
+        tmax: ArrayLike = np.inf,
+        *,
+        crossings: bool = False,
+        threads: int | None = None,
+    ) -> NDArray[np.int32]:
+        """Return how many hits each ray has; the parameters are those of ``all_hits``.
+
+        Returns
+        -------
+        (n,) int32 array
+
+        Examples
+        --------
+        >>> import raytrace as rt
+        >>> bvh = rt.BVH([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+        >>> bvh.count_hits([0.5, 0.5, 1], [0, 0, -1])  # through the edge that both share
+        array([2], dtype=int32)
+        >>> bvh.count_hits([0.5, 0.5, 1], [0, 0, -1], crossings=True)
+        array([1], dtype=int32)
+        """
+        rays, n = check_rays(origins, directions, tmin, tmax, self.triangles.dtype)
+        return count_all(HitTracer(self, rays, n, crossings), n, threads)
 
     def work(self) -> Work:
         """Allocate scratch memory for one thread."""

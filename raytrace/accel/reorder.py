@@ -194,6 +194,13 @@ def any_hit(tree: Tree, grid: Grid, rays: Rays, occluded: NDArray[np.bool_], n: 
     give_back(scratch.occluded, n, numbers, occluded)
 
 
+def coherent(rays: Rays, n: int, grid: Grid, scratch: SortScratch) -> tuple[NDArray[np.int32] | None, Rays]:
+    """Return n rays in an order that is fast to trace, and the number that each had; None: they are in order."""
+    if n < SAMPLE or 2 * changes(rays, n, grid, scratch) <= SAMPLE:
+        return None, rays
+    return _sorted(rays, n, grid, scratch)
+
+
 def _sorted(rays: Rays, n: int, grid: Grid, scratch: SortScratch) -> tuple[NDArray[np.int32], Rays]:
     numbers = scratch.numbers[sort_rays(rays, n, grid, scratch)]
     take(rays, n, numbers, scratch.rays)
