@@ -113,5 +113,5 @@ def test_code_of_another_layout_is_refused(bvh, rays):
 @pytest.mark.skipif(PLAIN, reason="nothing is compiled")
 def test_only_a_handle_is_a_scene(bvh):
     compiled_only = njit(lambda scene: compiled.any_hit(scene, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)))
-    with pytest.raises(Exception, match="expected the result of raytrace.compiled.handle"):
+    with pytest.raises(Exception, match="expected the result of"):
         compiled_only(bvh.tree)

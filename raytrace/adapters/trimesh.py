@@ -240,6 +240,8 @@ def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[Any], NDAr
 
 def _is_closed(built: _Built) -> bool:
     """Return whether the mesh is closed, as ``BVH.contains`` needs it."""
+    if not hasattr(built.bvh, "contains"):
+        return False
     if not built.closed:
         try:
             built.bvh.contains(np.zeros((1, 3)))
