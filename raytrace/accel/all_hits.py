@@ -1,10 +1,9 @@
 """All hits of rays: the traversals of ``query`` without an end at the first hit.
 
 ``meet`` is the test of rays and triangles: ``meet_watertight`` reports every triangle that holds a point of the ray,
-``meet_crossing`` every crossing of a closed surface once. Both return t in the user's units.
+``meet_crossing`` every crossing of a closed surface once. Both return t in the user's units, and a mask of the pairs
+of ray and triangle that ``exact_crossing`` must decide.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +20,8 @@ from raytrace.accel.hit_work import (
     Interval,
     keep_of_packet,
     keep_of_ray,
+    note_packet,
+    note_ray,
     within,
     write_user_rows,
 )
@@ -58,24 +59,11 @@ from raytrace.jit import inlined, kernel
 from raytrace.records import Rays, Tree
 
 
-class Place(NamedTuple):
-    """Where lane k of a test finds its triangle and its ray: each place is a start, plus k where it has a step."""
-
-    triangle: int  # in the leaves
-    triangle_step: int
-    ray: int  # place of its lane in row 0 of its slot of the scratch memory
-    ray_step: int
-    count: int  # of the ray's count
-    reach: float  # lanes or a number; see ``REACH``
-
-
 @inlined
-def meet_watertight(
-    tree: Tree, frame: RayFrame, triangle: Triangle, axes: Axes, place: Place, work: HitWork
-) -> Crossing:
-    """Test by the triangle test of the tree."""
+def meet_watertight(tree: Tree, frame: RayFrame, triangle: Triangle, reach, work: HitWork):
+    """Where rays meet triangles by the test of the tree, which leaves none undecided."""
     inside, t, u, v = intersect(tree.leaves, frame, triangle)
-    return Crossing(inside, t / frame.scale, u, v)
+    return Crossing(inside, t / frame.scale, u, v), inside & ~inside
 
 
 @inlined
@@ -87,13 +75,16 @@ def interval_of(work: HitWork, r: int, like) -> Interval:
 @inlined
 def test_packet(tree: Tree, at: int, r: int, frame: RayFrame, axes: Axes, alive, meet, work: HitWork):
     """Test packet r against the triangle in lane ``at`` of the leaves, and keep its hits."""
-    like, width = packet(work.lanes), packet_width(work.lanes)
-    place = Place(at, 0, (r + 1) * ROWS * width, 1, (r + 1) * width, read_row(work, r, REACH, like))
-    crossing = meet(tree, frame, one_triangle(tree.leaves.rows, at, axes), axes, place, work)
-    if bits(crossing.inside) != 0:
-        found = within(crossing, interval_of(work, r, like)) & alive
+    like = packet(work.lanes)
+    triangle, number = one_triangle(tree.leaves.rows, at, axes), peek(tree.leaves.prim_id, at + PRIM_ID)
+    crossing, undecided = meet(tree, frame, triangle, read_row(work, r, REACH, like), work)
+    if bits(crossing.inside | undecided) != 0:
+        interval = interval_of(work, r, like)
+        found, undecided = within(crossing, interval) & alive, undecided & alive & (interval.tmin < interval.tmax)
         if bits(found) != 0:
-            keep_of_packet(found, crossing, peek(tree.leaves.prim_id, at + PRIM_ID), r, work)
+            keep_of_packet(found, crossing, number, r, work)
+        if bits(undecided) != 0:
+            note_packet(undecided, number, r, work)
 
 
 @inlined
@@ -116,7 +107,7 @@ def crossings_in_packet(tree: Tree, at: int, r: int, axes: Axes, work: HitWork):
 def all_single(tree: Tree, ray: RayPacket, child: int, base: int, r: int, k: int, meet, work: HitWork):
     """Find all hits of one ray below a child: of lane k of packet r."""
     width, top = packet_width(work.lanes), base
-    at_ray = (r + 1) * ROWS * width + k
+    at_ray, place = (r + 1) * ROWS * width + k, (r + 1) * width + k
     tmax = peek(work.lanes, at_ray + TMAX * width)
     interval = Interval(peek(work.lanes, at_ray + USER_TMIN * width), peek(work.lanes, at_ray + USER_TMAX * width))
     while child != NOTHING:
@@ -128,11 +119,9 @@ def all_single(tree: Tree, ray: RayPacket, child: int, base: int, r: int, k: int
         at = ~child * LEAF_SIZE
         work.counts[1] += NODE
         triangles = eight_triangles(tree.leaves.rows, at, ray.axes)
-        place = Place(at, 1, at_ray, 0, (r + 1) * width + k, peek(work.lanes, at_ray + REACH * width))
-        crossing = meet(tree, ray.frame, triangles, ray.axes, place, work)
-        left = bits(within(crossing, interval))
-        if left != 0:
-            keep_of_ray(left, crossing, tree.leaves.prim_id, at + PRIM_ID, (r + 1) * width + k, work)
+        crossing, undecided = meet(tree, ray.frame, triangles, peek(work.lanes, at_ray + REACH * width), work)
+        keep_of_ray(bits(within(crossing, interval)), crossing, tree.leaves.prim_id, at + PRIM_ID, place, work)
+        note_ray(bits(undecided), tree.leaves.prim_id, at + PRIM_ID, place, work)
         child, top = pop(work, base, top, tmax)
 
 

@@ -10,22 +10,15 @@ Lanes compute the first term with a bound on its rounding error, and whether the
 cannot decide is decided one by one in exact arithmetic. docs/numerics.md has the proof that the parity is exact.
 """
 
-from raytrace.accel.exact_crossing import cross_exactly
 from raytrace.accel.hit_work import HitWork
 from raytrace.accel.lanes import (
     absolute,
     bits,
-    first_bit,
     machine_epsilon,
     machine_largest,
-    mask_of,
     maximum,
     minimum,
-    peek,
-    select,
 )
-from raytrace.accel.layout import PRIM_ID
-from raytrace.accel.octants import Axes
 from raytrace.accel.triangle import Crossing, RayFrame, Triangle, edge, plane_distance, shear
 from raytrace.jit import inlined
 from raytrace.records import Tree
@@ -37,20 +30,20 @@ SLOPE_ERROR = 8.0  # machine epsilons: bound on the error of n . d / d_z
 
 
 @inlined
-def meet_crossing(tree: Tree, frame: RayFrame, triangle: Triangle, axes: Axes, place, work: HitWork) -> Crossing:
-    """Test whether rays cross triangles of a closed surface: see above."""
+def meet_crossing(tree: Tree, frame: RayFrame, triangle: Triangle, reach, work: HitWork):
+    """Where rays cross triangles of a closed surface, and a mask of those that must be decided exactly."""
     sheared = shear(frame, triangle)
     _, _, _, ax, ay, bx, by, cx, cy = sheared
     u, v, w = edge(cx, cy, bx, by), edge(ax, ay, cx, cy), edge(bx, by, ax, ay)
     x = maximum(maximum(absolute(ax), absolute(bx)), absolute(cx))
     y = maximum(maximum(absolute(ay), absolute(by)), absolute(cy))
-    delta = place.reach * (SHEAR_ERROR * machine_epsilon(work.lanes))
+    delta = reach * (SHEAR_ERROR * machine_epsilon(work.lanes))
     bound = (maximum(x, y) + delta) * (delta * EDGE_ERROR) + 4.0 / machine_largest(work.lanes)
     above = (u > bound) | (v > bound) | (w > bound)
     below = (u < -bound) | (v < -bound) | (w < -bound)
     possible = ~(above & below)
     if bits(possible) == 0:
-        return Crossing(possible, u, v, w)
+        return Crossing(possible, u, v, w), possible
     sure = (u > bound) & (v > bound) & (w > bound) | (u < -bound) & (v < -bound) & (w < -bound)
     scale = 1.0 / (u + v + w)
     u, v, w = u * scale, v * scale, w * scale
@@ -58,20 +51,7 @@ def meet_crossing(tree: Tree, frame: RayFrame, triangle: Triangle, axes: Axes, p
     sign = height / slope / frame.dz
     largest = machine_largest(work.lanes)
     t = maximum(minimum(t / frame.scale, largest), -largest)
-    sure = sure & (absolute(height) > place.reach * (HEIGHT_ERROR * machine_epsilon(work.lanes)))
+    sure = sure & (absolute(height) > reach * (HEIGHT_ERROR * machine_epsilon(work.lanes)))
     sure = sure & (absolute(slope) > SLOPE_ERROR * machine_epsilon(work.lanes))
     sure = sure & ((sign > 0.0) & (t > 0.0) | (sign < 0.0) & (t < 0.0))
-    left = bits(possible & ~sure)
-    while left != 0:
-        k = first_bit(left)
-        left &= left - 1
-        at = place.triangle + k * place.triangle_step
-        if peek(tree.leaves.prim_id, at + PRIM_ID) < 0:
-            continue
-        ray, count = place.ray + k * place.ray_step, place.count + k * place.ray_step
-        crossed, t_k, v_k, w_k = cross_exactly(tree.leaves, at, axes, (ray, count), work)
-        if crossed:
-            here = mask_of(1 << k, t)
-            sure = sure | here
-            t, v, w = select(here, t_k, t), select(here, v_k, v), select(here, w_k, w)
-    return Crossing(sure & possible, t, minimum(maximum(v, 0.0), 1.0), minimum(maximum(w, 0.0), 1.0))
+    return Crossing(sure, t, v, w), possible & ~sure

@@ -1,17 +1,26 @@
 """Exact arithmetic in kernels: sums and products of floats as expansions [Shewchuk1997].
 
-An expansion is a sum of floats that do not overlap, the smallest first and none of them zero. It holds a number exactly,
-and its last term has the sign of that number. Expansions lie in one array ``x``; one that begins at ``at`` has n terms.
+An expansion is a sum of floats that do not overlap, the smallest first and none of them zero. It holds a number
+exactly, and its last term has the sign of that number. Expansions lie in one array ``x``; one that begins at ``at`` has
+n terms.
 A vector of exact differences has six numbers there: x, y, z, each with its rounding error.
 
 Products must neither overflow nor underflow; the callers see to that.
 """
 
-from raytrace.accel.build import product_error
 from raytrace.jit import inlined, subroutine
 
 VECTOR = 6  # numbers of a vector
 TERMS = 192  # most terms of a triple product
+
+
+@inlined
+def product_error(a, b, p):
+    """A b - p exactly, for p = a b rounded, by splitting both factors into halves [Dekker1971]."""
+    ca, cb = 134217729.0 * a, 134217729.0 * b
+    a_high, b_high = ca - (ca - a), cb - (cb - b)
+    a_low, b_low = a - a_high, b - b_high
+    return ((a_high * b_high - p) + a_high * b_low + a_low * b_high) + a_low * b_low
 
 
 @inlined

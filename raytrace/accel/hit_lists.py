@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from raytrace import memory
 from raytrace.accel import reorder
 from raytrace.accel.all_hits import all_crossings, all_hits
+from raytrace.accel.exact_crossing import decide
 from raytrace.accel.hit_work import ON_SURFACE, PAIRS, USED, HitWork, make_hit_work
 from raytrace.accel.inputs import Field, rays_of
 from raytrace.accel.lanes import PACKET
@@ -142,6 +143,8 @@ class HitTracer:
             if not scratch.enlarge(room(int(work.state[USED]) + pairs), pairs):
                 break
         if pairs:
+            decide(bvh.triangles.ravel(), rays, scratch.counts, work)
+        if work.state[PAIRS]:
             decide_pairs(bvh, rays, scratch.counts, work)
         reorder.give_back(scratch.counts, n, scratch.numbers, scratch.ordered)
         return int(work.state[USED])
@@ -160,10 +163,10 @@ class _Scratch:
 
     def enlarge(self, hits: int, pairs: int) -> bool:
         """Make room for so many hits and pairs; return whether there was too little."""
-        room = len(self.hits.hit_t) - PACKET
-        if hits <= room and pairs <= len(self.hits.pair_ray):
+        room, pair_room = len(self.hits.hit_t) - PACKET, len(self.hits.pair_ray) - PACKET
+        if hits <= room and pairs <= pair_room:
             return False
-        self.hits = make_hit_work(self.sort.work, max(hits + hits // 8, room), max(pairs, len(self.hits.pair_ray)))
+        self.hits = make_hit_work(self.sort.work, max(hits + hits // 8, room), max(pairs + pairs // 8, pair_room))
         return True
 
 

@@ -20,15 +20,12 @@ from raytrace.accel.lanes import (
     packet_width,
     peek,
     poke,
-    power_of_two,
     select,
     splat_int,
 )
-from raytrace.accel.query import read, read_vectors
+from raytrace.accel.query import read
 from raytrace.accel.scratch import (
-    DIRECTION,
     HIT_U,
-    HIT_V,
     TMIN,
     read_bundle_rays,
     read_prim_id,
@@ -39,14 +36,13 @@ from raytrace.jit import inlined
 from raytrace.records import Rays, Tree, Work
 
 # Rows of the slots of a bundle, which need neither slabs nor u and v
-USER_DIRECTION, USER_TMIN, USER_TMAX = 7, 10, 11  # as given; for rays that cannot hit, tmin is inf
-REACH, SIZE = HIT_U, HIT_V  # bound on distances from the origin to vertices; the power of two that is not above it
-assert DIRECTION + 3 < USER_DIRECTION
+USER_TMIN, USER_TMAX = 7, 8  # as given; for rays that cannot hit, inf and -inf
+REACH = HIT_U  # bound on the distances from the origin to all vertices along the axes; inf: products could overflow
 
-USED, FIRST, PAIRS, ON_SURFACE = range(4)  # places in ``state``
+USED, FIRST, PAIRS, ON_SURFACE = range(4)  # places in ``state``: hits and pairs found, also those for which there
+# was no memory; the first ray of the bundle; whether to find rays that start on the surface
 MARKED = 1 << 30  # bit of a ray's count: its origin lies on the surface
 SLACK = 512.0  # machine epsilons of ``REACH``: more than the rounding error of a distance (docs/numerics.md)
-MAX_PAIRS = 1024
 
 
 class HitWork(NamedTuple):
@@ -67,17 +63,17 @@ class HitWork(NamedTuple):
         np.int64
     ]  # hits found, also those beyond k; first ray of the bundle; pairs; whether origins are tested
     exact: NDArray[np.float64]  # vectors and expansions
-    pair_ray: NDArray[np.int32]  # (p,): rays and triangles that the kernel cannot decide exactly
+    pair_ray: NDArray[np.int32]  # (p,): rays and triangles that need exact arithmetic
     pair_prim: NDArray[np.int32]
 
 
-def make_hit_work(work: Work, hits: int, pairs: int = MAX_PAIRS) -> HitWork:
+def make_hit_work(work: Work, hits: int, pairs: int = 0) -> HitWork:
     """Allocate scratch memory for so many hits and pairs."""
     dtype = work.lanes.dtype
     room = hits + PACKET
     floats, numbers = np.empty((3, room), dtype), np.empty((2, room), np.int32)
     exact = np.zeros(4 * VECTOR + 5 * TERMS)
-    return HitWork(*work, *floats, *numbers, np.zeros(4, np.int64), exact, *np.empty((2, pairs), np.int32))
+    return HitWork(*work, *floats, *numbers, np.zeros(4, np.int64), exact, *np.empty((2, pairs + PACKET), np.int32))
 
 
 class Interval(NamedTuple):
@@ -102,16 +98,14 @@ def write_user_rows(tree: Tree, rays: Rays, i: int, n: int, packets: int, work: 
         o, d, _, tmin, tmax = read_bundle_rays(work, r, like)
         at, alive = i + r * packet_width(work.lanes), tmin < tmax
         user_tmin, user_tmax = read(rays.tmin, at, 0, n, like), read(rays.tmax, at, 0, n, like)
-        user_d = read_vectors(rays.d, at, n, like)
         reach = maximum(maximum(absolute(o[0]), absolute(o[1])), absolute(o[2])) + size
         longest = maximum(maximum(absolute(d[0]), absolute(d[1])), absolute(d[2]))
         slack = reach * (SLACK * machine_epsilon(work.lanes)) / longest
         tmax = select(user_tmax == np.inf, np.inf, tmax)
-        write_rows(work, r, USER_DIRECTION, user_d)
         write_rows(work, r, USER_TMIN, (select(alive, user_tmin, np.inf), select(alive, user_tmax, -np.inf)))
         write_rows(work, r, TMIN, (select(alive, tmin - slack, np.inf), select(alive, tmax + slack, -np.inf)))
         safe = reach * reach < machine_largest(work.lanes) * 0.0625  # no product of two differences overflows
-        write_rows(work, r, REACH, (select(safe, reach, np.inf), power_of_two(reach)))
+        write_rows(work, r, REACH, (select(safe, reach, np.inf),))
         write_prim_id(work, r, splat_int(0, like))
 
 
@@ -153,6 +147,41 @@ def keep_of_ray(left: int, crossing, prim_id, at: int, place: int, work: HitWork
             poke(work.hit_v, used, v[k])
             poke(work.hit_prim, used, np.int32(peek(prim_id, at + k)))
             poke(work.hit_ray, used, np.int32(ray))
+
+
+@inlined
+def keep_one(t, u, v, prim: int, ray: int, work: HitWork):
+    """Append one hit."""
+    used = work.state[USED]
+    work.state[USED] = used + 1
+    if used + 1 + PACKET <= len(work.hit_t):
+        work.hit_t[used], work.hit_u[used], work.hit_v[used] = t, u, v
+        work.hit_prim[used], work.hit_ray[used] = prim, ray
+
+
+@inlined
+def note_packet(undecided, number: int, r: int, work: HitWork):
+    """Note the rays of packet r, and a triangle, as pairs to decide."""
+    used, more = work.state[PAIRS], count(undecided)
+    work.state[PAIRS] = used + more
+    if used + more + PACKET <= len(work.pair_ray):
+        rays = lane_numbers(packet(work.lanes)) + np.int32(work.state[FIRST] + r * packet_width(work.lanes))
+        compress(work.pair_ray, used, undecided, rays)
+        compress(work.pair_prim, used, undecided, splat_int(np.int32(number), packet(work.lanes)))
+
+
+@inlined
+def note_ray(left: int, prim_id, at: int, place: int, work: HitWork):
+    """Note one ray, and the triangles ``left`` (bits) of a leaf, as pairs to decide; see ``keep_of_ray``."""
+    ray = work.state[FIRST] + place - packet_width(work.lanes)
+    while left != 0:
+        k = first_bit(left)
+        left &= left - 1
+        number, used = np.int32(peek(prim_id, at + k)), work.state[PAIRS]
+        if number >= 0:
+            work.state[PAIRS] = used + 1
+            if used + 1 + PACKET <= len(work.pair_ray):
+                work.pair_ray[used], work.pair_prim[used] = ray, number
 
 
 @inlined

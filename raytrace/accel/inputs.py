@@ -144,6 +144,11 @@ def _points(name: str, value: ArrayLike) -> NDArray[Any]:
     return array[None] if array.shape == (3,) else _rows(name, array)
 
 
+def check_points(value: ArrayLike) -> NDArray[Any]:
+    """Return points: (n, 3) numbers of any dtype."""
+    return _points("points", value)
+
+
 def _limits(name: str, value: ArrayLike) -> NDArray[Any]:
     """Return limits of t: one number, or (n,) numbers, of any dtype."""
     array = _numbers(name, value)

@@ -7,6 +7,7 @@ from raytrace.accel import reorder
 from raytrace.accel.bundle import BUNDLE
 from raytrace.accel.hit_lists import HitTracer, count_all, list_all
 from raytrace.accel.inputs import check_rays, rays_of
+from raytrace.accel.inside import Closure, check_closed, inside
 from raytrace.accel.lanes import NODE, PACKET
 from raytrace.accel.layout import aligned
 from raytrace.accel.scratch import ROWS
@@ -19,8 +20,11 @@ class RayQueries:
 
     tree: Tree
     triangles: NDArray[np.floating]  # (m, 12) f: v0, v1, v2 and the unit normal of each face
+    vertices: NDArray[np.floating]  # (v, 3) f
+    faces: NDArray[np.int32]  # (m, 3)
     levels: int
     grid: reorder.Grid
+    _closure: Closure | None = None  # what ``contains`` knows of the mesh
 
     def closest_hit(
         self,
@@ -185,6 +189,42 @@ class RayQueries:
         """
         rays, n = check_rays(origins, directions, tmin, tmax, self.triangles.dtype)
         return count_all(HitTracer(self, rays, n, crossings), n, threads)
+
+    def contains(self, points: ArrayLike, threads: int | None = None) -> NDArray[np.bool_]:
+        """Return whether each point lies inside a closed mesh, or on its surface.
+
+        A point is inside if a ray from it crosses the surface an odd number of times. The number is exact, also where
+        the ray meets edges and vertices. The orientation of the triangles does not matter. Where closed bodies overlap,
+        a point in two of them is outside.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like, world units
+            Rounded to the precision of the tree. Points that are not finite are outside.
+        threads : int, optional
+            Default: one per core that the process may use.
+
+        Returns
+        -------
+        (n,) bool array
+
+        Raises
+        ------
+        ValueError
+            The mesh is not closed; the message counts the open edges and names the first. A mesh is closed if every
+            edge whose two ends differ is a side of an even number of triangles. Edges are matched by the exact
+            positions of their ends, so meshes with duplicate vertices, as from STL files, are closed too.
+
+        Examples
+        --------
+        >>> import raytrace as rt
+        >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+        >>> bvh = rt.BVH(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        >>> bvh.contains([[0.1, 0.1, 0.1], [0.5, 0.5, 0.5], [0.5, 0.5, 0]])
+        array([ True, False,  True])
+        """
+        check_closed(self, "contains")
+        return inside(self, points, threads)
 
     def work(self) -> Work:
         """Allocate scratch memory for one thread."""
