@@ -42,6 +42,10 @@ MANY_ARGUMENTS: dict[str, str] = {
 NUMBA = (  # the compiler, and the type that it is taught
     "accel/lanes_jit.py",
     "accel/lanes_types.py",
+    "compiled.py",
+    "native/c_entry.py",
+    "native/caller.py",
+    "native/compiled_rays.py",
     "native/compiler.py",
     "native/entry.py",
     "native/plain.py",
@@ -66,6 +70,7 @@ LAYERS = {
     "reporting": ("textbook", "show", "golden", "cli"),
     "show": ("textbook", "golden", "cli"),
     "cli": ("textbook", "golden"),
+    "adapters": ("textbook", "scene", "passes", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
 }
 
 

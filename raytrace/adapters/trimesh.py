@@ -4,26 +4,20 @@ trimesh has two classes of this name, in ``trimesh.ray.ray_triangle`` and in ``t
 the methods and arguments of both. It does not import trimesh.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace.accel.bvh import BVH
+from raytrace.accel.closed import point_numbers
 from raytrace.accel.inputs import MeshLike
+from raytrace.accel.inside import closure_of
 from raytrace.records import Hits
 
 # directions of the rays of contains_points where a mesh is open: the first is that of trimesh, the second is any other
 DIRECTIONS = (0.4395064455, 0.617598629942, 0.652231566745), (-0.7391304348, 0.3127962085, 0.5965165877)
 ON_EDGE = 4  # eps: a barycentric coordinate at most that large is one of the opposite edge
-
-
-class _Built(NamedTuple):
-    """A tree, and the state of the mesh that it was built from."""
-
-    key: object
-    bvh: BVH
-    closed: list[bool]  # whether the mesh is closed; empty until that is known
 
 
 class RayMeshIntersector:
@@ -65,7 +59,7 @@ class RayMeshIntersector:
     ) -> None:
         self.mesh, self.precision, self.threads = mesh, precision, threads
         self._scale_to_box = scale_to_box
-        self._built: _Built | None = None
+        self._built: tuple[int, BVH] | None = None  # the hash of the mesh, and its tree
 
     def intersects_id(
         self,
@@ -105,7 +99,7 @@ class RayMeshIntersector:
         ValueError
             Shapes that do not match; vertices that are not finite.
         """
-        bvh = self._current().bvh
+        bvh = self._current()
         origins, directions = _rays(ray_origins, ray_directions)
         if multiple_hits:
             every = bvh.all_hits(origins, directions, threads=self.threads)
@@ -114,14 +108,14 @@ class RayMeshIntersector:
         else:
             first = bvh.closest_hit(origins, directions, threads=self.threads)
             index_ray = np.flatnonzero(first.prim_id >= 0)
-            hits = Hits(*(column[index_ray] for column in first))
+            hits = _some(first, index_ray)
         if return_locations and multiple_hits:
             kept = _unique_locations(hits, index_ray, bvh)
-            hits, index_ray = Hits(*(column[kept] for column in hits)), index_ray[kept]
+            hits, index_ray = _some(hits, kept), index_ray[kept]
         if max_hits is not None and multiple_hits:
             number = np.arange(len(index_ray)) - np.searchsorted(index_ray, index_ray)
             kept = number < max_hits
-            hits, index_ray = Hits(*(column[kept] for column in hits)), index_ray[kept]
+            hits, index_ray = _some(hits, kept), index_ray[kept]
         index_tri = hits.prim_id.astype(np.int64)
         if not return_locations:
             return index_tri, index_ray
@@ -155,7 +149,7 @@ class RayMeshIntersector:
         (n,) int64 array
             -1 for a miss.
         """
-        hits = self._current().bvh.closest_hit(*_rays(ray_origins, ray_directions), threads=self.threads)
+        hits = self._current().closest_hit(*_rays(ray_origins, ray_directions), threads=self.threads)
         return hits.prim_id.astype(np.int64)
 
     def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> NDArray[np.bool_]:
@@ -165,7 +159,7 @@ class RayMeshIntersector:
         -------
         (n,) bool array
         """
-        return self._current().bvh.any_hit(*_rays(ray_origins, ray_directions), threads=self.threads)
+        return self._current().any_hit(*_rays(ray_origins, ray_directions), threads=self.threads)
 
     def contains_points(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Return whether points lie inside the mesh.
@@ -188,35 +182,35 @@ class RayMeshIntersector:
         too, the point is outside. The lines are fixed, so the answers never change. Points outside the bounding box are
         outside.
         """
-        built = self._current()
+        bvh = self._current()
         array = np.asarray(points)
         if array.size == 0:
             return np.zeros(0, np.bool_)
         if array.ndim != 2 or array.shape[1] != 3:
             raise ValueError(f"points: expected an (n, 3) array, got shape {array.shape}")
-        if _is_closed(built):
-            return built.bvh.contains(array)
-        low, high = built.bvh.tree.extent[:3], built.bvh.tree.extent[3:6]
+        if closure_of(bvh).edges.first is None:
+            return bvh.contains(array, threads=self.threads)
+        low, high = bvh.tree.extent[:3], bvh.tree.extent[3:6]
         inside = np.zeros(len(array), np.bool_)
         left = np.flatnonzero(((array >= low) & (array <= high)).all(axis=1))
         for direction in DIRECTIONS:
             if len(left) == 0:
                 break
             origins, ahead = array[left], np.broadcast_to(direction, (len(left), 3))
-            counts = [
-                built.bvh.count_hits(origins, rays, crossings=True, threads=self.threads) for rays in (ahead, -ahead)
-            ]
+            both = ahead, -ahead
+            counts = [bvh.count_hits(origins, rays, crossings=True, threads=self.threads) for rays in both]
             odd = [count % 2 == 1 for count in counts]
             inside[left] = odd[0] & odd[1]
             left = left[(odd[0] != odd[1]) & (counts[0] > 0) & (counts[1] > 0)]
         return inside
 
-    def _current(self) -> _Built:
+    def _current(self) -> BVH:
         """Return the tree of the mesh as it is now."""
-        key = hash(self.mesh)  # a Trimesh hashes the content of vertices and faces, and only after they have changed
-        if self._built is None or self._built.key != key:
-            self._built = _Built(key, BVH(self.mesh, precision=self.precision), [])
-        return self._built
+        key = hash(self.mesh)  # of the content of its vertices and faces; trimesh computes it after they have changed
+        built = self._built
+        if built is None or built[0] != key:
+            self._built = built = key, BVH(self.mesh, precision=self.precision)
+        return built[1]
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_built": None}  # as trimesh's: a copy builds its own tree
@@ -238,17 +232,9 @@ def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[Any], NDAr
     return both[0].reshape(-1, 3), both[1].reshape(-1, 3)
 
 
-def _is_closed(built: _Built) -> bool:
-    """Return whether the mesh is closed, as ``BVH.contains`` needs it."""
-    if not hasattr(built.bvh, "contains"):
-        return False
-    if not built.closed:
-        try:
-            built.bvh.contains(np.zeros((1, 3)))
-            built.closed.append(True)
-        except ValueError:
-            built.closed.append(False)
-    return built.closed[0]
+def _some(hits: Hits, which: NDArray[Any]) -> Hits:
+    """Return some of the hits: by number, or by mask."""
+    return Hits(hits.t[which], hits.prim_id[which], hits.u[which], hits.v[which])
 
 
 def _unique_locations(hits: Hits, index_ray: NDArray[np.int64], bvh: BVH) -> NDArray[np.bool_]:
@@ -266,8 +252,8 @@ def _unique_locations(hits: Hits, index_ray: NDArray[np.int64], bvh: BVH) -> NDA
     if len(which) == 0:
         return kept
     faces = bvh.faces[hits.prim_id[which]]
-    _, same = np.unique(bvh.vertices[faces].reshape(-1, 3), axis=0, return_inverse=True)
-    corners = np.sort(np.where(weights[which] <= eps, -1, same.reshape(-1, 3)), axis=1)
+    same = point_numbers(bvh.vertices[faces].reshape(-1, 3)).reshape(-1, 3)
+    corners = np.sort(np.where(weights[which] <= eps, -1, same), axis=1)
     keys = np.column_stack([index_ray[which], corners])
     _, first = np.unique(keys, axis=0, return_index=True)
     kept[which] = False
