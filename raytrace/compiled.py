@@ -61,7 +61,7 @@ def handle(bvh: BVH) -> Handle:
     -------
     Handle
         A named tuple of arrays. It keeps the memory of the tree alive. It holds addresses, so make it anew in each
-        process.
+        process, and after ``refit``.
 
     Raises
     ------
@@ -227,11 +227,12 @@ def _closest_hit(scene: Any, origin: Any, direction: Any, tmin: Any = 0.0, tmax:
 
     def many(scene: Any, origin: Any, direction: Any, tmin: Any = 0.0, tmax: Any = np.inf) -> Any:
         check(scene.closest)
-        fields, rows, n = gathered(scene, origin, direction, tmin, tmax)
+        fields, numbers = gathered(scene, origin, direction, tmin, tmax)
+        n = numbers[4]
         t, u, v = np.empty(n, fields[0].dtype), np.empty(n, fields[0].dtype), np.empty(n, fields[0].dtype)
         prim_id = np.empty(n, np.int32)
         scratch = np.empty(scene.closest[SCRATCH], np.uint8)
-        if of_many(scene.closest, scratch, fields, rows, (t, prim_id, u, v), n) != 0:
+        if of_many(scene.closest, scratch, fields, numbers, (t, prim_id, u, v)) != 0:
             raise RuntimeError(FAILED)
         return t, prim_id, u, v
 
@@ -250,10 +251,10 @@ def _any_hit(scene: Any, origin: Any, direction: Any, tmin: Any = 0.0, tmax: Any
 
     def many(scene: Any, origin: Any, direction: Any, tmin: Any = 0.0, tmax: Any = np.inf) -> Any:
         check(scene.any)
-        fields, rows, n = gathered(scene, origin, direction, tmin, tmax)
-        occluded = np.empty(n, np.bool_)
+        fields, numbers = gathered(scene, origin, direction, tmin, tmax)
+        occluded = np.empty(numbers[4], np.bool_)
         scratch = np.empty(scene.any[SCRATCH], np.uint8)
-        if of_many(scene.any, scratch, fields, rows, (occluded,), n) != 0:
+        if of_many(scene.any, scratch, fields, numbers, (occluded,)) != 0:
             raise RuntimeError(FAILED)
         return occluded
 

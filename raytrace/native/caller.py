@@ -107,22 +107,23 @@ def any_of_one(typing_context: Any, words: Any, scratch: Any, ray: Any, like: An
 
 
 @intrinsic
-def of_many(typing_context: Any, words: Any, scratch: Any, fields: Any, rows: Any, out: Any, n: Any) -> Any:
+def of_many(typing_context: Any, words: Any, scratch: Any, fields: Any, numbers: Any, out: Any) -> Any:
     """Answer a query of n rays, and return its status.
 
-    ``fields`` are flat arrays of the tree's type: origins, directions, tmin, tmax; ``rows`` are the elements from one
-    ray to the next, in each; ``out`` are the arrays of results.
+    ``fields`` are flat arrays of the tree's type: origins, directions, tmin, tmax. ``numbers`` are the elements from
+    one ray to the next in each, and n. ``out`` are the arrays of results.
     """
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> ir.Value:
         call = _Call(context, builder, signature, args)
-        for k, ((kind, array), (_, row)) in enumerate(zip(call.several(2), call.several(3), strict=True)):
+        *rows, n = cgutils.unpack_tuple(builder, args[3])
+        for k, ((kind, array), row) in enumerate(zip(call.several(2), rows, strict=True)):
             call.set(TREE + COLUMN * k, call.data(kind, array))
             call.set(TREE + COLUMN * k + ROW, row)
         outputs = call.several(4)
         for k, (kind, array) in enumerate(outputs):
             call.set(OUT + 2 * k, call.data(kind, array))
-        call.set(OUT + 2 * len(outputs), args[5])
+        call.set(OUT + 2 * len(outputs), n)
         return call.run(len(outputs))
 
-    return types.int32(words, scratch, fields, rows, out, types.int64), code
+    return types.int32(words, scratch, fields, types.UniTuple(types.int64, len(fields) + 1), out), code

@@ -55,7 +55,7 @@ def _limits_of(value: Any, like: Any) -> Any:
 
 @register_jitable
 def gathered(scene: Any, origin: Any, direction: Any, tmin: Any, tmax: Any) -> Any:
-    """Return the fields of n rays as flat arrays, the elements from one ray to the next in each, and n."""
+    """Return the fields of n rays as flat arrays; and the elements from one ray to the next in each, then n."""
     like = scene.extent
     o, d, low, high = _points(origin, like), _points(direction, like), _limits(tmin, like), _limits(tmax, like)
     counts = (len(o) // 3, len(d) // 3, len(low), len(high))
@@ -65,8 +65,8 @@ def gathered(scene: Any, origin: Any, direction: Any, tmin: Any, tmax: Any) -> A
     for count in counts:
         if count != 1 and count != n:
             raise ValueError("origin, direction, tmin, tmax: lengths do not match")
-    rows = (3 * (counts[0] == n), 3 * (counts[1] == n), 1 * (counts[2] == n), 1 * (counts[3] == n))
-    return (o, d, low, high), rows, n
+    o_row, d_row = 3 * (counts[0] == n), 3 * (counts[1] == n)
+    return (o, d, low, high), (o_row, d_row, 1 * (counts[2] == n), 1 * (counts[3] == n), n)
 
 
 @register_jitable
