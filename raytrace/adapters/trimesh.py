@@ -50,7 +50,7 @@ class RayMeshIntersector:
     >>> mesh.contains([[0.1, 0.2, 0.3], [0.1, 0.2, 0.7]]).tolist()
     [True, False]
     >>> locations, index_ray, index_tri = mesh.ray.intersects_location([[0.1, 0.2, 2]], [[0, 0, -1]])
-    >>> locations.tolist()
+    >>> locations.round(12).tolist()
     [[0.1, 0.2, 0.5], [0.1, 0.2, -0.5]]
     """
 
