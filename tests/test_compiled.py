@@ -66,6 +66,7 @@ def test_the_rays_hit_and_miss(bvh, rays):
     assert 0.2 < np.isfinite(bvh.closest_hit(*rays).t).mean() < 0.8
 
 
+@pytest.mark.engine
 @pytest.mark.parametrize("query", [one_by_one, together])
 def test_results_are_those_of_the_tree(bvh, rays, query):
     assert same_bits(query(compiled.handle(bvh), *rays), bvh, rays)

@@ -9,8 +9,6 @@ import trimesh
 
 from raytrace.adapters.trimesh import RayMeshIntersector
 
-pytestmark = pytest.mark.engine
-
 
 def with_ray(mesh, **options):
     mesh.ray = RayMeshIntersector(mesh, **options)
