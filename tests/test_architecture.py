@@ -43,6 +43,10 @@ NUMBA = (  # the compiler, and the type that it is taught
     "accel/lanes_block_jit.py",
     "accel/lanes_jit.py",
     "accel/lanes_types.py",
+    "compiled.py",
+    "native/c_entry.py",
+    "native/caller.py",
+    "native/compiled_rays.py",
     "native/compiler.py",
     "native/entry.py",
     "native/plain.py",
@@ -68,6 +72,7 @@ LAYERS = {
     "exporting": ("textbook", "accel", "passes", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
     "show": ("textbook", "golden", "cli"),
     "cli": ("textbook", "golden"),
+    "adapters": ("textbook", "scene", "passes", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
 }
 
 

@@ -43,7 +43,7 @@ from raytrace.accel.scratch import (
     write_rows,
 )
 from raytrace.accel.vectors import scaled
-from raytrace.jit import inlined, kernel
+from raytrace.jit import c_kernel, inlined
 from raytrace.records import Hits, Rays, Tree, Work
 
 ORDINARY = 2.0**10  # directions whose largest component lies in 1 / ORDINARY .. ORDINARY are not scaled
@@ -183,7 +183,7 @@ def any_of_packet(tree: Tree, r: int, work: Work, like) -> int:
     return occluded
 
 
-@kernel
+@c_kernel
 def closest_hit(tree: Tree, rays: Rays, hits: Hits, n, work: Work):
     """Find the nearest hits of the rays of a batch."""
     like, step, i = packet(tree.nodes.bounds), group_size(work.lanes) * packet_width(tree.nodes.bounds), 0
@@ -196,7 +196,7 @@ def closest_hit(tree: Tree, rays: Rays, hits: Hits, n, work: Work):
         i = after(i, step, n)
 
 
-@kernel
+@c_kernel
 def any_hit(tree: Tree, rays: Rays, occluded, n, work: Work):
     """Find which rays of a batch hit anything."""
     like, step, i = packet(tree.nodes.bounds), group_size(work.lanes) * packet_width(tree.nodes.bounds), 0
