@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from raytrace.errors import FileError, OptionError, RaytraceError, SceneError
     from raytrace.image.metrics import compare
     from raytrace.optics import reflect, refract, spawn_ray
-    from raytrace.records import Hits, Scene, Surface
+    from raytrace.point_records import ClosestPoint
+    from raytrace.records import AllHits, Hits, Scene, Surface
+    from raytrace.rendering.pixel_rays import camera_rays
     from raytrace.rendering.rendering import render
     from raytrace.rendering.result import Render
     from raytrace.reporting.sweep import report
@@ -24,7 +26,9 @@ if TYPE_CHECKING:
     from raytrace.scene.plan import explain
 
 _HOME = {
+    "AllHits": "records",
     "BVH": "accel.bvh",
+    "ClosestPoint": "point_records",
     "FileError": "errors",
     "Hits": "records",
     "OptionError": "errors",
@@ -33,6 +37,7 @@ _HOME = {
     "Scene": "records",
     "SceneError": "errors",
     "Surface": "records",
+    "camera_rays": "rendering.pixel_rays",
     "compare": "image.metrics",
     "demo": "scene.demo_scene",
     "explain": "scene.plan",
@@ -46,6 +51,8 @@ _HOME = {
 
 __all__ = [
     "BVH",
+    "AllHits",
+    "ClosestPoint",
     "FileError",
     "Hits",
     "OptionError",
@@ -55,6 +62,7 @@ __all__ = [
     "SceneError",
     "Surface",
     "bsdf",
+    "camera_rays",
     "compare",
     "demo",
     "explain",

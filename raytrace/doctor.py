@@ -17,6 +17,7 @@ REQUIRED = ("numpy", "numba", "llvmlite", "pillow", "platformdirs", "rich")
 OPTIONAL = {
     "OpenEXR": "EXR files",
     "scikit-image": "compare, report",
+    "flip-evaluator": "FLIP in compare, report, golden images",
     "matplotlib": "report, rt.show",
 }  # package -> what needs it
 

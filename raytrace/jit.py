@@ -35,11 +35,13 @@ class Kernel:
         The Python function.
     code : dict
         Address of the machine code for each kind of arguments so far.
+    c_entry : bool
+        Whether machine code can also be called by other machine code; see ``native/c_entry.py``.
     """
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], c_entry: bool = False) -> None:
         update_wrapper(self, function)
-        self.function, self.code = function, dict[Any, int]()
+        self.function, self.code, self.c_entry = function, dict[Any, int](), c_entry
         self._unkept = dict[Any, Any]()  # object code that could not be stored
         self._bound = dict[Any, Callable[..., Any]]()
         self._entries: tuple[Callable[..., Any], ...] = ()  # replaced, never changed, so calls need no lock
@@ -70,6 +72,23 @@ class Kernel:
                 self._bound[kinds, types] = self._entry(kinds, types, args)
                 self._entries = tuple(self._bound.values())
             return self._bound[kinds, types]
+
+    def c_address(self, args: tuple[Any, ...]) -> int:
+        """Load or compile machine code for such arguments; return the address of its C entry.
+
+        Raises
+        ------
+        RuntimeError
+            It has none, because the installed Numba or llvmlite cannot compile or link it in the usual way.
+        """
+        from raytrace.native.link import c_address
+        from raytrace.native.signatures import kind_of
+
+        self.load(args)
+        address = self.code.get(tuple(map(kind_of, args)))
+        if address is None or not self.c_entry:
+            raise RuntimeError(f"{self.function.__name__} has no machine code that other machine code can call")
+        return c_address(address)
 
     def _entry(self, kinds: tuple[Any, ...], types: tuple[type, ...], args: tuple[Any, ...]) -> Callable[..., Any]:
         """Return the entry of machine code for arguments of these kinds, which is loaded or compiled."""
@@ -102,7 +121,7 @@ class Kernel:
         with private_parts():
             from raytrace.native.compiler import compile_kernel
 
-            code = compile_kernel(self.function, kinds)
+            code = compile_kernel(self.function, kinds, self.c_entry)
         self.keep(kinds, code)
         return code
 
@@ -133,6 +152,11 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     if PLAIN:
         return np.errstate(all="ignore")(function)  # 1 / 0 is inf, as in machine code
     return Kernel(function)
+
+
+def c_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Declare a kernel that other machine code can call too."""
+    return kernel(function) if PLAIN else Kernel(function, c_entry=True)
 
 
 def load_all(calls: Iterable[tuple[Any, tuple[Any, ...]]]) -> None:

@@ -13,7 +13,7 @@ from raytrace.errors import OptionError
 from raytrace.jit import PLAIN
 
 POLL = 0.1  # seconds between two checks for Ctrl-C
-GRAIN = 1024  # rows: ranges begin at multiples of this
+GRAIN = 1024  # rows: ranges begin at multiples of this by default
 MIN_RANGE, MAX_RANGE = 1 << 14, 1 << 17  # rows of a range, if they are fast
 PIECE = 0.1  # seconds: longest time of a range, approximately, so that Ctrl-C takes effect soon
 WORTH = (
@@ -177,7 +177,7 @@ def _follow(news: SimpleQueue[bool], working: int, report: Callable[[int], None]
             working -= 1
 
 
-def share_out(task: Callable[[int, int], object], n: int, threads: int | None) -> None:
+def share_out(task: Callable[[int, int], object], n: int, threads: int | None, grain: int = GRAIN) -> None:
     """Call ``task`` with ranges (begin, end) that cover 0 .. n, in this thread or on several, whichever is faster.
 
     Parameters
@@ -188,6 +188,8 @@ def share_out(task: Callable[[int, int], object], n: int, threads: int | None) -
         Rows.
     threads : int or None
         Argument of ``thread_count``.
+    grain : int
+        Ranges begin at multiples of so many rows; at most ``MAX_RANGE``.
 
     Notes
     -----
@@ -205,15 +207,15 @@ def share_out(task: Callable[[int, int], object], n: int, threads: int | None) -
     def parts(begin: int) -> Iterator[tuple[int, int]]:
         while begin < n:
             rows = min(MAX_RANGE, PIECE / max(pace, 1e-12), max(MIN_RANGE, (n - begin) / max(count, 1)))
-            end = min(n, begin + max(int(rows) // GRAIN, 1) * GRAIN)
+            end = min(n, begin + max(int(rows) // grain, 1) * grain)
             yield begin, end
             begin = end
 
     if n > 0:
-        timed((0, min(n, GRAIN)))
-    count = min(count, int((n - GRAIN) * pace / WORTH))
+        timed((0, min(n, grain)))
+    count = min(count, int((n - grain) * pace / WORTH))
     if count > 1:
-        together(timed, parts(GRAIN), count)
+        together(timed, parts(grain), count)
     else:
-        for part in parts(GRAIN):
+        for part in parts(grain):
             timed(part)

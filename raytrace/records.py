@@ -157,7 +157,7 @@ class Scene:
 
 
 class Hits(NamedTuple):
-    """Nearest hits, one row per ray: p = (1 - u - v) v0 + u v1 + v v2."""
+    """Nearest hits, one per ray, in arrays of the shape of the rays, here (n,): p = (1 - u - v) v0 + u v1 + v v2."""
 
     t: NDArray[np.floating]  # (n,) f, units of the ray's direction; inf: a miss
     prim_id: NDArray[np.int32]  # (n,) i4: row of the faces; -1: a miss
@@ -165,8 +165,18 @@ class Hits(NamedTuple):
     v: NDArray[np.floating]  # (n,) f, 0..1: barycentric weight of v2
 
 
+class AllHits(NamedTuple):
+    """All hits of n rays: those of ray i are rows start[i] to start[i + 1], sorted by t, then by prim_id."""
+
+    t: NDArray[np.floating]  # (k,) f, units of the ray's direction
+    prim_id: NDArray[np.int32]  # (k,) i4: row of the faces
+    u: NDArray[np.floating]  # (k,) f, 0..1: barycentric weight of v1
+    v: NDArray[np.floating]  # (k,) f, 0..1: barycentric weight of v2
+    start: NDArray[np.int64]  # (n + 1,) i8: rows where the hits of each ray begin; the last is k
+
+
 class Surface(NamedTuple):
-    """Points on surfaces, one row per ray; the rows of misses are NaN."""
+    """Points on surfaces, one row per ray, in arrays of the shape of the rays, here (n,); rows of misses are NaN."""
 
     p: NDArray[np.floating]  # (n, 3) f, world units
     p_error: NDArray[np.floating]  # (n, 3) f, world units: absolute bound on the rounding error of p
@@ -277,12 +287,8 @@ class Points(NamedTuple):
 
     p: NDArray[np.floating]  # (3n,) f, world units
     ng: NDArray[np.floating]  # (3n,) f: unit geometric normal on the viewer's side
-    ns: NDArray[
-        np.floating
-    ]  # (3n,) f: unit shading normal on the viewer's side; the same array as ng if all surfaces are flat
-    offset: NDArray[
-        np.floating
-    ]  # (n,) f, world units: offset along ng of the next ray's origin; -1: no surface to light
+    ns: NDArray[np.floating]  # (3n,) f: unit shading normal on the viewer's side; the same array as ng if all is flat
+    offset: NDArray[np.floating]  # (n,) f, world units: of the next ray's origin along ng; -1: no surface to light
     material_id: NDArray[np.int32]  # (n,) i4
 
 

@@ -11,7 +11,7 @@ import raytrace as rt
 from raytrace.accel.lanes import PACKET  # noqa: F401
 from raytrace.hardcases import tracers
 from raytrace.hardcases.aiming import bad_rays, edge_points, lattice, signed_axes, towards  # noqa: F401
-from raytrace.hardcases.meshes import CLOSED, cube, cubes, fan, grid, icosphere, quads, torus  # noqa: F401
+from raytrace.hardcases.meshes import CLOSED, cube, cubes, fan, grid, icosphere, joined, quads, torus  # noqa: F401
 from raytrace.hardcases.tracers import octant_and_axis, scattered  # noqa: F401
 
 F8 = NDArray[np.float64]

@@ -40,8 +40,13 @@ MANY_ARGUMENTS: dict[str, str] = {
 }
 
 NUMBA = (  # the compiler, and the type that it is taught
+    "accel/lanes_block_jit.py",
     "accel/lanes_jit.py",
     "accel/lanes_types.py",
+    "compiled.py",
+    "native/c_entry.py",
+    "native/caller.py",
+    "native/compiled_rays.py",
     "native/compiler.py",
     "native/entry.py",
     "native/plain.py",
@@ -64,8 +69,10 @@ LAYERS = {
     "golden": ("textbook", "scene", "accel", "passes", "rendering", "hardcases", "reporting", "show", "cli"),
     "rendering": ("textbook", "hardcases", "reporting", "show", "golden", "cli"),
     "reporting": ("textbook", "show", "golden", "cli"),
+    "exporting": ("textbook", "accel", "passes", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
     "show": ("textbook", "golden", "cli"),
     "cli": ("textbook", "golden"),
+    "adapters": ("textbook", "scene", "passes", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
 }
 
 

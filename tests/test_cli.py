@@ -467,7 +467,7 @@ def test_every_limit_of_a_comparison_is_an_option(tmp_path, capsys):
     dark, light = np.full((16, 16, 3), 0.1, np.float32), np.full((16, 16, 3), 0.9, np.float32)
     np.savez(tmp_path / "dark.npz", rgb=dark)
     np.savez(tmp_path / "light.npz", rgb=light)
-    pair = ["compare", str(tmp_path / "light.npz"), str(tmp_path / "dark.npz")]
+    pair = ["compare", str(tmp_path / "light.npz"), str(tmp_path / "dark.npz"), "--no-flip"]
     for option in ("rmse", "rmse-srgb", "relative-mse", "bias", "worst-tile", "outliers"):
         assert main.main([*pair, f"--max-{option}", "0.01"]) == 5
         assert len(capsys.readouterr().err.splitlines()) == (3 if option == "bias" else 1)

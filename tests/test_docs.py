@@ -175,10 +175,11 @@ def test_what_start_shows_works(tmp_path):
     assert done.stdout == "[ 1. inf] [ 0 -1]\n"
 
 
-def test_meshes_of_other_packages_as_start_shows_them(capsys):
-    (program,) = blocks("start.md", "mesh")
-    exec(program, {})
-    assert capsys.readouterr().out == "[4.5]\n12\n"
+def test_meshes_of_other_packages_as_start_shows_them(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    exec("\n".join(blocks("start.md", "mesh")), {})
+    assert capsys.readouterr().out == "[4.5]\n12\n[0.7 0.7 0.7]\nTrue\n"
+    assert len({path.read_bytes() for path in tmp_path.glob("turn-*.png")}) == 3
 
 
 def test_rays_only_as_start_shows_them(capsys, monkeypatch):

@@ -9,7 +9,7 @@ from raytrace.errors import FileError
 from raytrace.golden import store
 from raytrace.golden.check import Golden
 from raytrace.golden.locations import GoldenLocation
-from raytrace.image import files
+from raytrace.image import files, flip
 from test_golden_gates import DEFECTS, noisy, scene
 from test_page import Reader
 
@@ -92,10 +92,11 @@ def test_a_failure_leaves_a_page_and_tells_its_numbers_in_one_line(location, nam
         "actual",
         "difference",
         "SSIM",
+        *["FLIP"] * flip.available(),
         *["expected", "actual", "difference"] * page.count("<h2>"),
     ]
     assert 1 <= page.count("<h2>") <= 2
-    assert len(reader.links) == 4 + 3 * page.count("<h2>")
+    assert len(reader.links) == 4 + flip.available() + 3 * page.count("<h2>")
     assert all(link.startswith("data:image/png") for link in reader.links)
     assert not re.findall(r"https?://|@import|url\(", page)
     assert ("magenta" in page) == (name == "a NaN")

@@ -189,3 +189,45 @@ def test_a_transparent_exr_is_refused_as_a_png_is(tmp_path):
     with pytest.raises(rt.FileError, match="has an alpha below 1"):
         to_light(tmp_path / "0.5.exr")
     assert (to_light(tmp_path / "1.0.exr") == 0.5).all()
+
+
+def png_of(rows, channels, kind, path):
+    """Write 16-bit rows, (h, w, channels) u2, as a PNG."""
+    height, width, _ = rows.shape
+    data = b"".join(b"\0" + row.astype(">u2").tobytes() for row in rows)
+    head = struct.pack(">IIBBBBB", width, height, 16, kind, 0, 0, 0)
+    parts = (b"IHDR", head), (b"IDAT", zlib.compress(data)), (b"IEND", b"")
+    chunks = (struct.pack(">I", len(d)) + n + d + struct.pack(">I", zlib.crc32(n + d)) for n, d in parts)
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
+
+
+def test_a_png_of_16_bits_has_all_its_bits(tmp_path):
+    codes = np.random.default_rng(0).integers(0, 65536, (4, 5, 4)).astype(np.uint16)
+    png_of(codes[..., :3], 3, 2, tmp_path / "rgb.png")
+    expected = files.srgb_decode(codes[..., :3] / 65535)
+    np.testing.assert_allclose(to_light(tmp_path / "rgb.png"), expected, rtol=1e-12)
+    png_of(codes[..., :1], 1, 0, tmp_path / "grey.png")
+    np.testing.assert_allclose(to_light(tmp_path / "grey.png"), expected[..., :1].repeat(3, 2), rtol=1e-12)
+    png_of(codes, 4, 6, tmp_path / "clear.png")
+    with pytest.raises(rt.FileError, match=r"clear\.png: has an alpha below 1: put it on a background first"):
+        to_light(tmp_path / "clear.png")
+    codes[..., 3] = 65535
+    png_of(codes, 4, 6, tmp_path / "opaque.png")
+    np.testing.assert_allclose(to_light(tmp_path / "opaque.png"), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("ending", ["jpg", "jpeg"])
+def test_a_jpeg_is_the_light_of_its_codes(tmp_path, ending):
+    path = tmp_path / f"a.{ending}"
+    Image.fromarray(np.kron(CODES, np.ones((8, 8, 1), np.uint8))).save(path, "JPEG", quality=90)
+    with Image.open(path) as decoded:
+        expected = files.srgb_decode(np.asarray(decoded) / 255)
+    np.testing.assert_allclose(to_light(path), expected, rtol=1e-12)
+
+
+def test_a_broken_jpeg_is_a_file_error(tmp_path):
+    (tmp_path / "a.jpg").write_bytes(b"\xff\xd8\xff" + bytes(50))
+    with pytest.raises(rt.FileError, match=r"a\.jpg: "):
+        to_light(tmp_path / "a.jpg")
+    with pytest.raises(rt.FileError, match=r"b\.jpg: "):
+        to_light(tmp_path / "b.jpg")

@@ -17,6 +17,7 @@ from raytrace.golden.locations import GoldenLocation
 from raytrace.golden.page import BRIGHTER, DARKER, NOT_FINITE, Failure, failure_page
 from raytrace.golden.spots import Spot, find, largest_channel
 from raytrace.golden.store import GoldenImage
+from raytrace.image import flip
 from raytrace.image.files import LUMINANCE
 from raytrace.image.metrics import compare, difference_scale
 from test_page import Reader
@@ -86,11 +87,48 @@ def test_a_local_defect_is_seen_at_once(name):
         assert 1.28 * (left + wide) >= column + width - 0.01
         assert 0.96 * (top + high) >= row + height - 0.01
         assert (round(1.28 * wide), round(0.96 * high)) == (8, 8)
-    enlarged = shown[4:7]
+    enlarged = shown[4 + flip.available() :][:3]
     assert [title for title, _, _ in enlarged] == ["expected", "actual", "difference"]
     assert max(enlarged[0][1].shape[:2]) <= 24
     assert (enlarged[2][1].reshape(-1, 3) == inside.reshape(-1, 3)[0]).all(axis=1).any()
     assert f"worst tile <small>row {40 if row < 90 else 88}, column {64 if row < 90 else 120};" in text
+
+
+def test_one_tile_is_seen_at_once_among_small_differences():
+    golden = golden_light()
+    actual = golden + 0.002 * np.random.default_rng(0).normal(size=golden.shape)  # more than rounding, everywhere
+    actual[40:48, 64:72] += 0.05
+    codes = canvases(written(actual, golden))[2][1].astype(int)
+    inside = codes[40:48, 64:72].reshape(-1, 3)
+    codes[40:48, 64:72] = 255
+    assert np.abs(inside - BRIGHTER).max() < 40
+    assert codes.min(axis=2).mean() > 235  # all else is nearly white
+
+
+def test_the_page_names_the_likely_cause():
+    golden = golden_light() * (1 + 0.1 * np.random.default_rng(0).random((96, 128, 3)))
+    for actual, cause in ((golden[:, ::-1], "it is flipped left to right"), (1.5 * golden, "multiplied by 1.5.")):
+        text = written(actual, golden)
+        assert re.search('<p class="cause">Likely cause: (.*?)</p>', text)[1].find(cause) >= 0
+    actual = golden.copy()
+    actual[8:16, 8:16] *= 1.3
+    assert 'class="cause"' not in written(actual, golden)
+
+
+def test_the_page_has_flip_or_says_what_to_install(monkeypatch):
+    golden = golden_light()
+    actual = golden.copy()
+    actual[8:16, 8:16] = np.nan
+    actual[16:24, 8:16] *= 1.5
+    if flip.available():
+        text = written(actual, golden)
+        assert "FLIP" in [title for title, _, _ in canvases(text)]
+        seen = flip.flip(np.where(np.isfinite(actual), actual, golden), golden)
+        assert re.search("<td>FLIP, HDR-FLIP</td><td>([0-9.e-]+), ", text)[1] == f"{seen:.3g}"
+    monkeypatch.setattr(flip, "find_spec", lambda _name: None)
+    text = written(actual, golden)
+    assert "FLIP" not in [title for title, _, _ in canvases(text)]
+    assert "<td>not measured; pip install flip-evaluator</td>" in text
 
 
 def test_a_defect_without_a_mean_is_marked_by_its_worst_pixel():

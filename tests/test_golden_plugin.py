@@ -76,8 +76,18 @@ def test_goldens_are_missing_then_written_then_kept(project, tmp_path):
         errors[0],
     )
     assert "/golden/" not in output.replace("see golden-failures/checks/golden/", "")  # the traceback ends in the test
-    assert len(list((tmp_path / "golden-failures").rglob("*.html"))) == 5
+    failures = tmp_path / "golden-failures"
+    assert "\n5 failures, all in golden-failures/index.html\n" in output
+    index = (failures / "index.html").read_text("utf-8")
+    links = re.findall(r'<h2><a href="([^"]+)">(.*?)</a>', index)
+    assert links == [(f"checks/golden/{name}.html", name) for name in NAMES]
+    assert all((failures / link).is_file() for link, _ in links)
+    assert [index.count(f'<img alt="{title}"') for title in ("expected", "actual", "difference")] == [5, 5, 5]
+    assert index.count("Likely cause: all light is multiplied by 1.02.") == 4
     assert goldens(tmp_path) == written
+    output, _ = project("-k", "grey-1 or 1]", scale=1.02)  # a single failure needs no index
+    assert "index.html" not in output
+    assert not (failures / "index.html").exists()
 
 
 def test_files_are_named_from_where_pytest_is_called(project, tmp_path):

@@ -40,8 +40,11 @@ HEAVY = {
     "OpenEXR",
     "rich",
 }
-FUNCTIONS = {"load", "render", "explain", "compare", "demo", "reflect", "refract", "report", "spawn_ray"}
-CLASSES = {"BVH", "Render", "Scene", "Hits", "Surface", "RaytraceError", "SceneError", "FileError", "OptionError"}
+FUNCTIONS = {"camera_rays", "load", "render", "explain", "compare", "demo", "reflect", "refract", "report", "spawn_ray"}
+CLASSES = {
+    *("AllHits", "BVH", "ClosestPoint", "Hits", "Render", "Scene", "Surface"),
+    *("RaytraceError", "SceneError", "FileError", "OptionError"),
+}
 ROOMS = {"bsdf", "show", "textbook"}
 SUBMODULES = [
     "rendering.rendering",

@@ -309,7 +309,7 @@ def test_hash_does_not_depend_on_folder_names_or_format(tmp_path):
 
 def test_each_mesh_file_is_read_once(tmp_path, monkeypatch):
     reads = []
-    monkeypatch.setattr(reading, "_read_bytes", lambda path, allowance: reads.append(path) or CUBE.encode())
+    monkeypatch.setattr(reading, "read_bytes", lambda path, allowance: reads.append(path) or CUBE.encode())
     load(write(tmp_path, scene(objects=[{"mesh": "cube.obj", "material": "white"}] * 3)))
     assert len(reads) == 1
 

@@ -6,7 +6,7 @@ from raytrace.reporting.analysis import fit_order
 from raytrace.reporting.configurations import Configuration
 from raytrace.reporting.measurements import First
 from raytrace.reporting.sweep import Report
-from raytrace.reporting.sweep_table import HEADER, SCHEMA, as_json, text
+from raytrace.reporting.sweep_table import HEADER, SCHEMA, as_json, header, text
 from synthetic_points import SOBOL, point
 
 ADAPTIVE = Configuration("sobol", "float32", adaptive=True)
@@ -46,7 +46,7 @@ def test_the_json_has_these_fields_as_long_as_its_version_stays():
     ]  # fmt: skip
     assert set(found["points"][0]) == {
         "way", "target_error", "spp", "rays", "peak_bytes", "rmse", "rmse_srgb", "relative_mse", "bias", "worst_tile",
-        "ssim", "seconds", "seconds_of_rounds", "rays_per_second", "efficiency", "pareto",
+        "ssim", "mrse", "flip", "seconds", "seconds_of_rounds", "rays_per_second", "efficiency", "pareto",
     }  # fmt: skip
     assert set(found["points"][0]["way"]) == {"name", "sampler", "precision", "triangle", "tree", "adaptive"}
     assert set(found["orders"][0]) == {"way", "order", "low", "high", "error_at_1_spp", "points"}
@@ -65,6 +65,17 @@ def test_what_json_lacks_is_null():
     found = as_json(a_report(points=(point(SOBOL, 4, 0.5, 0.0),), front=(True,)))
     assert json.loads(json.dumps(found, allow_nan=False))["points"][0]["efficiency"] is None
     assert found["orders"][0]["low"] is None  # two points have no interval
+
+
+def test_flip_is_a_column_if_it_was_measured_and_else_one_line():
+    without = a_report()
+    assert "FLIP" not in header(without.points)
+    told = "FLIP: not measured, it needs flip-evaluator: pip install flip-evaluator"
+    assert text(without).count(told) == 1
+    points = tuple(each._replace(flip=0.0123) for each in without.points)
+    assert header(points)[-3:] == ["FLIP", "efficiency", ""]
+    assert "0.0123" in text(a_report(points=points)).splitlines()[2]
+    assert told not in text(a_report(points=points))
 
 
 def test_the_text_has_a_row_a_point_and_marks_the_front():

@@ -84,6 +84,7 @@ def of_rays() -> Iterator[tuple[str, str]]:
         o, d = rays.anywhere(400, 20)
         paths = [column for hits in rays.all_paths(bvh, o.astype(precision), d.astype(precision)) for column in hits]
         yield f"{name} paths {precision}", digest(paths)
+        yield f"{name} points {precision}", digest(bvh.closest_point(o))
 
 
 def of_images() -> Iterator[tuple[str, str]]:

@@ -8,15 +8,17 @@ from numpy.typing import NDArray
 
 from raytrace import parallel
 from raytrace.accel.boxes import BOX, clear
+from raytrace.accel.expansions import TERMS, VECTOR, add_minor, product_error, value_of, write_difference
 from raytrace.accel.flatten import flatten
 from raytrace.accel.grow import MAX_DEPTH, SPLITS, Subtree, grow, make_binary, make_grow_scratch
 from raytrace.accel.lanes import NODE
 from raytrace.accel.layout import boxes_of, children_of, make_leaves, make_nodes
-from raytrace.jit import inlined, interpreted, kernel
+from raytrace.jit import inlined, interpreted, kernel, subroutine
 from raytrace.records import MollerTrumboreLeaves, Tree, WatertightLeaves
 
 SMALL_MESH = 64  # triangles: up to so many, the interpreter builds the tree, which is faster than compilation
 SUBTREES, MIN_SUBTREE = 32, 4096  # threads build subtrees of at most 1 / SUBTREES of the triangles, or MIN_SUBTREE
+EDGE_1, EDGE_2, MINOR, ROOM = 9, 9 + VECTOR, 9 + 2 * VECTOR, 9 + 2 * VECTOR + TERMS  # places in scratch memory
 STRETCH = 32768  # triangles that a thread measures at a time
 LEAVES = {"watertight": WatertightLeaves, "moller-trumbore": MollerTrumboreLeaves}
 
@@ -40,19 +42,21 @@ class Steps(NamedTuple):
 
 
 @inlined
-def product_error(a, b, p):
-    """A b - p exactly, for p = a b rounded, by splitting both factors into halves [Dekker1971]."""
-    ca, cb = 134217729.0 * a, 134217729.0 * b
-    a_high, b_high = ca - (ca - a), cb - (cb - b)
-    a_low, b_low = a - a_high, b - b_high
-    return ((a_high * b_high - p) + a_high * b_low + a_low * b_high) + a_low * b_low
-
-
-@inlined
 def minor(a, b, c, d):
     """A d - b c to nearly full precision; zero only if it is exactly zero."""
     p, q = a * d, b * c
     return (p - q) + (product_error(a, d, p) - product_error(b, c, q))
+
+
+@subroutine
+def exact_minors(corner):
+    """Minors of the edges of a triangle, of which the rounded edges have none: from the exact differences."""
+    v0, v1 = (corner[0], corner[1], corner[2]), (corner[3], corner[4], corner[5])
+    write_difference(corner, EDGE_1, v1, v0)
+    write_difference(corner, EDGE_2, (corner[6], corner[7], corner[8]), v0)
+    x = value_of(corner, MINOR, add_minor(corner, MINOR, 0, (EDGE_1, 1, 2), (EDGE_2, 1, 2), 1.0))
+    y = value_of(corner, MINOR, add_minor(corner, MINOR, 0, (EDGE_1, 2, 0), (EDGE_2, 2, 0), 1.0))
+    return x, y, value_of(corner, MINOR, add_minor(corner, MINOR, 0, (EDGE_1, 0, 1), (EDGE_2, 0, 1), 1.0))
 
 
 @kernel
@@ -76,6 +80,8 @@ def measure(vertices, faces, triangles, boxes, order, corner):
         ax, ay, az = corner[3] - corner[0], corner[4] - corner[1], corner[5] - corner[2]
         bx, by, bz = corner[6] - corner[0], corner[7] - corner[1], corner[8] - corner[2]
         nx, ny, nz = minor(ay, az, by, bz), minor(az, ax, bz, bx), minor(ax, ay, bx, by)
+        if nx == 0.0 and ny == 0.0 and nz == 0.0:
+            nx, ny, nz = exact_minors(corner)
         largest = abs(nx) if abs(nx) > abs(ny) else abs(ny)
         largest = abs(nz) if abs(nz) > largest else largest
         if largest > 0.0:
@@ -116,7 +122,7 @@ def build(vertices, faces, split, triangle):
     fitting = make_nodes(node_count, dtype)
     fitting.bounds[:] = nodes.bounds[: len(fitting.bounds)]
     nodes = fitting
-    return Tree(nodes, leaves, _extent(nodes)), triangles, levels
+    return Tree(nodes, leaves, extent_of(nodes)), triangles, levels
 
 
 def _measure_all(mesh, measure):
@@ -126,7 +132,7 @@ def _measure_all(mesh, measure):
     def stretch(begin):
         part = slice(begin, min(begin + STRETCH, m))
         boxes, order = mesh.boxes[BOX * part.start : BOX * part.stop], mesh.order[part]
-        counts[begin] = measure(mesh.vertices, mesh.faces[part], mesh.triangles[part], boxes, order, np.empty(9))
+        counts[begin] = measure(mesh.vertices, mesh.faces[part], mesh.triangles[part], boxes, order, np.empty(ROOM))
         order += begin
 
     if m > STRETCH:
@@ -143,7 +149,7 @@ def _measure_all(mesh, measure):
     return n
 
 
-def _extent(nodes):
+def extent_of(nodes):
     """Low and high corner of a tree, and the side of a usual leaf: a cube whose surface is the mean of all leaves'."""
     boxes, leaf = boxes_of(nodes), children_of(nodes) < 0
     low, high = boxes[0, :3].min(axis=1), boxes[0, 3:].max(axis=1)

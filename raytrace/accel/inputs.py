@@ -1,7 +1,8 @@
 """Check the arguments of ``BVH``, and convert them to the records that kernels read."""
 
-from collections.abc import Collection
-from typing import Any, Protocol
+import math
+from collections.abc import Collection, Mapping
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -116,47 +117,107 @@ def _few(name: str, array: NDArray[Any]) -> NDArray[Any]:
 # --- rays ------------------------------------------------------------------------------------------------------------
 
 
-Field = Columns | NDArray[Any]  # origins, directions, tmin or tmax; an array is converted in pieces
+class Pieces(NamedTuple):
+    """An array that is converted in pieces, broadcast to the shape of the batch."""
+
+    array: NDArray[Any]  # with the leading shape of the batch; a view
+    axes: int  # of the leading shape
+
+
+Field = Columns | Pieces  # origins, directions, tmin, tmax or points, for all rows of a batch
 
 
 def check_rays(
     origins: ArrayLike, directions: ArrayLike, tmin: ArrayLike, tmax: ArrayLike, dtype: np.dtype
-) -> tuple[list[Field], int]:
-    """Return the checked fields of rays for a tree of that dtype, and the number of rays."""
-    given = {
-        "origins": _points("origins", origins),
-        "directions": _points("directions", directions),
-        "tmin": _limits("tmin", tmin),
-        "tmax": _limits("tmax", tmax),
-    }
-    lengths = {name: len(array) for name, array in given.items() if array.ndim}
-    several = set(lengths.values()) - {1}
-    if len(several) > 1:
-        raise ValueError(f"origins, directions, tmin, tmax: lengths do not match: {lengths}")
-    n = several.pop() if several else 1
+) -> tuple[list[Field], tuple[int, ...]]:
+    """Return the checked fields of rays for a tree of that dtype, and their leading shape."""
+    return check_batch({"origins": origins, "directions": directions}, {"tmin": tmin, "tmax": tmax}, dtype)
+
+
+def check_batch(
+    vectors: Mapping[str, ArrayLike], numbers: Mapping[str, ArrayLike], dtype: np.dtype
+) -> tuple[list[Field], tuple[int, ...]]:
+    """Check the arrays of a query, and broadcast them without the last axis of vectors.
+
+    Parameters
+    ----------
+    vectors : mapping from names to (..., 3) array_like
+    numbers : mapping from names to (...) array_like
+    dtype : dtype
+        Of the tree.
+
+    Returns
+    -------
+    fields : list of Field
+        Vectors, then numbers. ``columns_in`` gives kernels any range of their rows, which are in C order.
+    shape : tuple of int
+        The leading shape of the batch: that of the results. It is (1,) where all arrays are single rows.
+
+    Raises
+    ------
+    ValueError
+        What is not an array of numbers, and shapes that do not match, by name.
+    """
+    points = [_points(name, value) for name, value in vectors.items()]
+    values = [_numbers(name, value) for name, value in numbers.items()]
+    shapes = [array.shape[:-1] for array in points] + [array.shape for array in values]
+    shape = _broadcast([*vectors, *numbers], shapes)
     with np.errstate(over="ignore"):
-        return [_field(array, n, dtype) for array in given.values()], n
+        fields = [_field(array, True, shape, dtype) for array in points]
+        return fields + [_field(array, False, shape, dtype) for array in values], shape
+
+
+def _broadcast(names: list[str], shapes: list[tuple[int, ...]]) -> tuple[int, ...]:
+    """Return the shape that arrays of these names and shapes broadcast to; at least one axis."""
+    several = {*shapes} - {(), (1,)}
+    if len(several) < 2:  # the usual case, faster
+        return several.pop() if several else (1,)
+    try:
+        return np.broadcast_shapes(*several)
+    except ValueError:
+        found = ", ".join(f"{name} {shape}" for name, shape in zip(names, shapes, strict=True) if shape)
+        raise ValueError(
+            f"{', '.join(names)}: shapes do not match, without the last axis of vectors: {found}; "
+            "they must be equal, or follow NumPy's rules of broadcasting"
+        ) from None
 
 
 def _points(name: str, value: ArrayLike) -> NDArray[Any]:
-    """Return origins or directions: (n, 3) numbers of any dtype."""
+    """Return an array of vectors: (..., 3) numbers of any dtype."""
     array = _numbers(name, value)
-    return array[None] if array.shape == (3,) else _rows(name, array)
-
-
-def _limits(name: str, value: ArrayLike) -> NDArray[Any]:
-    """Return limits of t: one number, or (n,) numbers, of any dtype."""
-    array = _numbers(name, value)
-    if array.ndim > 1:
-        raise ValueError(f"{name}: expected a number or an (n,) array, got shape {array.shape}")
+    if array.shape == (0,):
+        return array.reshape(0, 3)
+    if array.ndim == 0 or array.shape[-1] != 3:
+        raise ValueError(f"{name}: expected an array of shape (3,), (n, 3) or (..., 3), got shape {array.shape}")
     return array
 
 
-def _field(array: NDArray[Any], n: int, dtype: np.dtype) -> Field:
-    """Return the array as kernels read it, if that needs no copy or all rays share one row; else the array itself."""
-    if array.ndim == 0 or len(array) == 1:
-        return columns_of(np.array(array, dtype), n)
-    return columns_of(array, n) if array.dtype == dtype and _readable(array) else array
+def check_points(value: ArrayLike) -> NDArray[Any]:
+    """Return points: (..., 3) numbers of any dtype; a single one as (1, 3)."""
+    array = _points("points", value)
+    return array[None] if array.shape == (3,) else array
+
+
+def _field(array: NDArray[Any], vector: bool, shape: tuple[int, ...], dtype: np.dtype) -> Field:
+    """Return an array as kernels read it, if that needs no copy or all rows are the same; else to convert in pieces."""
+    last = (3,) if vector else ()
+    if array.size == (3 if vector else 1):
+        return Columns(np.array(array, dtype).ravel(), 0, 0, 1)
+    whole = array if array.shape == shape + last else np.broadcast_to(array, shape + last)
+    rows = _merged(whole, len(shape))
+    if rows is None:
+        return Pieces(whole, len(shape))
+    return columns_of(rows, len(rows)) if rows.dtype == dtype and _readable(rows) else Pieces(rows, 1)
+
+
+def _merged(array: NDArray[Any], axes: int) -> NDArray[Any] | None:
+    """Return a view whose first axis is the first ``axes`` of an array, or None if that needs a copy."""
+    if axes == 1:
+        return array
+    try:
+        return array.reshape(-1 if array.size else 0, *array.shape[axes:], copy=False)
+    except ValueError:
+        return None
 
 
 def _readable(array: NDArray[Any]) -> bool:
@@ -167,14 +228,37 @@ def _readable(array: NDArray[Any]) -> bool:
 
 def rays_of(fields: list[Field], begin: int, end: int, dtype: np.dtype) -> Rays:
     """Return rays ``begin`` to ``end`` as kernels read them; numbers beyond the dtype become infinite, so they miss."""
+    return Rays(*columns_in(fields, begin, end, dtype))
+
+
+def columns_in(fields: list[Field], begin: int, end: int, dtype: np.dtype) -> list[Columns]:
+    """Return rows ``begin`` to ``end`` of the fields of a batch, in C order, as kernels read them."""
     columns = []
     for field in fields:
         if isinstance(field, Columns):
             columns.append(Columns(field.data, field.start + begin * field.row, field.row, field.axis))
         else:
+            part = np.empty((end - begin, *field.array.shape[field.axes :]), dtype)
             with np.errstate(over="ignore"):
-                columns.append(columns_of(np.array(field[begin:end], dtype), end - begin))
-    return Rays(*columns)
+                _copy_rows(field.array, field.axes, begin, part)
+            columns.append(columns_of(part, end - begin))
+    return columns
+
+
+def _copy_rows(array: NDArray[Any], axes: int, begin: int, out: NDArray[Any]) -> None:
+    """Copy rows from ``begin`` on to ``out``; the rows are the first ``axes`` of an array, in C order."""
+    if len(out) == 0:
+        return
+    if axes == 1:
+        out[...] = array[begin : begin + len(out)]
+        return
+    inner = math.prod(array.shape[1:axes])
+    whole, first = -(-begin // inner), min(-begin % inner, len(out))  # the first whole one, and the rows before it
+    _copy_rows(array[begin // inner], axes - 1, begin % inner, out[:first])
+    count = (len(out) - first) // inner
+    out[first : first + count * inner].reshape(count, *array.shape[1:])[...] = array[whole : whole + count]
+    if first + count * inner < len(out):
+        _copy_rows(array[whole + count], axes - 1, 0, out[first + count * inner :])
 
 
 def columns_of(array: NDArray[np.floating], n: int) -> Columns:

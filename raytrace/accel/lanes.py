@@ -65,6 +65,31 @@ def load_rows(a, i, like):
     return tuple(a[i + axis : i + 3 * n : 3].copy() for axis in range(3))
 
 
+def _rows_of_block(i, line, n):
+    """Where the rows of a block of n elements begin, and how long they are."""
+    length = min(n, 4)
+    return range(i, i + n // length * line, line), length
+
+
+def load_block(a, i, line, like):
+    """Rows of four elements of the flat array ``a``, from elements ``i``, ``i + line``, ... on, side by side."""
+    starts, length = _rows_of_block(i, line, len(like))
+    return np.concatenate([a[start : start + length] for start in starts])
+
+
+def load_block_rows(a, i, line, like):
+    """x, y, z of a block: rows of four times three elements begin at elements ``i``, ``i + line``, ..."""
+    starts, length = _rows_of_block(i, line, len(like))
+    return tuple(np.concatenate([a[at + k : at + k + 3 * length - 2 : 3] for at in starts]) for k in range(3))
+
+
+def store_block(a, i, line, x):
+    """Write a register to rows of four elements of the flat array ``a``, from ``i``, ``i + line``, ... on."""
+    starts, length = _rows_of_block(i, line, len(x))
+    for k, start in enumerate(starts):
+        a[start : start + length] = x[k * length : (k + 1) * length]
+
+
 def packet(a):
     """A register of zeros for one packet of elements like those of ``a``."""
     return np.zeros(packet_width(a), a.dtype)
@@ -125,6 +150,11 @@ def lane_numbers(like):
 
 def to_real(x, like):
     """Integers below 2**24 as floats of the dtype of ``like``, exactly."""
+    return x.astype(like.dtype)
+
+
+def convert(x, like):
+    """Floats as floats of the dtype of ``like``, rounded to nearest."""
     return x.astype(like.dtype)
 
 

@@ -27,7 +27,7 @@ def _count(like):
     return like.literal_value if isinstance(like, types.IntegerLiteral) else like.n
 
 
-def _pointer(builder, sig, args):
+def pointer(builder, sig, args):
     """Address of element ``args[1]`` of the flat array ``args[0]``, element type and size; the index may be lanes."""
     element = ELEMENTS[sig.args[0].dtype]
     data = builder.extract_value(args[0], 4)  # member `data` of Numba's array record
@@ -43,33 +43,13 @@ def _load_type(a, i, like):
 
 
 def _emit_load(builder, sig, args):
-    at, element, size = _pointer(builder, sig, args)
+    at, element, size = pointer(builder, sig, args)
     values = builder.load(at, align=size, typ=ir.VectorType(element, sig.return_type.n))
     return builder.trunc(values, vector_of(sig.return_type)) if isinstance(sig.return_type, Mask) else values
 
 
-def _rows_type(a, i, like):
-    return signature(types.UniTuple(Lanes(a.dtype, _count(like)), 3), a, types.int64, like)
-
-
-def _emit_load_rows(builder, sig, args):
-    """Three loads; then shuffles collect each column, first from two of the loads, then from the third."""
-    at, element, size = _pointer(builder, sig, args)
-    kind = vector_of(sig.return_type.dtype)
-    n = kind.count
-    loads = [builder.load(builder.gep(at, [I64(n * k)], source_etype=element), align=size, typ=kind) for k in range(3)]
-    rows = ir.Constant(ir.ArrayType(kind, 3), ir.Undefined)
-    for axis in range(3):
-        places = range(axis, 3 * n, 3)
-        early = ir.Constant(ir.VectorType(I32, n), [place if place < 2 * n else 0 for place in places])
-        late = ir.Constant(ir.VectorType(I32, n), [k if p < 2 * n else p - n for k, p in enumerate(places)])
-        column = builder.shuffle_vector(builder.shuffle_vector(*loads[:2], early), loads[2], late)
-        rows = builder.insert_value(rows, column, axis)
-    return rows
-
-
 def _emit_store(builder, sig, args):
-    at, element, size = _pointer(builder, sig, args)
+    at, element, size = pointer(builder, sig, args)
     values = args[2]
     if isinstance(sig.args[2], Mask):
         values = builder.zext(values, ir.VectorType(element, sig.args[2].n))
@@ -77,7 +57,7 @@ def _emit_store(builder, sig, args):
 
 
 def _emit_gather(builder, sig, args):
-    at, element, size = _pointer(builder, sig, args)
+    at, element, size = pointer(builder, sig, args)
     n = sig.return_type.n
     everywhere = ir.Constant(ir.VectorType(ir.IntType(1), n), [1] * n)
     kind = ir.VectorType(element, n)
@@ -86,7 +66,7 @@ def _emit_gather(builder, sig, args):
 
 
 def _emit_compress(builder, sig, args):
-    at, element, _ = _pointer(builder, sig, args)
+    at, element, _ = pointer(builder, sig, args)
     name = f"llvm.masked.compressstore.v{sig.args[3].n}{SUFFIXES[str(element)]}"
     intrinsic(builder, name, ir.VoidType(), [args[3], at, args[2]])
 
@@ -120,12 +100,12 @@ registered(
 
 
 def _emit_peek(builder, sig, args):
-    at, element, size = _pointer(builder, sig, args)
+    at, element, size = pointer(builder, sig, args)
     return builder.load(at, align=size, typ=element)
 
 
 def _emit_poke(builder, sig, args):
-    at, _, size = _pointer(builder, sig, args)
+    at, _, size = pointer(builder, sig, args)
     builder.store(args[2], at, align=size)
 
 
@@ -136,7 +116,7 @@ registered(lambda a, i, x: signature(types.none, a, types.int64, a.dtype), _emit
 
 
 def _emit_prefetch(builder, sig, args):
-    at, _, _ = _pointer(builder, sig, args)
+    at, _, _ = pointer(builder, sig, args)
     read, keep, data = I32(0), I32(3), I32(1)
     intrinsic(builder, "llvm.prefetch.p0", ir.VoidType(), [at, read, keep, data])
 
@@ -145,9 +125,6 @@ registered(lambda a, i: signature(types.none, a, types.int64), _emit_prefetch)(l
 
 
 registered(_load_type, _emit_load)(lanes.load)
-
-
-registered(_rows_type, _emit_load_rows)(lanes.load_rows)
 
 
 registered(
@@ -253,6 +230,14 @@ registered(
     lambda x, like: signature(Lanes(like.elem, like.n), x, like),
     lambda b, sig, args: b.sitofp(args[0], vector_of(sig.return_type)),
 )(lanes.to_real)
+
+
+def _emit_convert(builder, sig, args):
+    change = builder.fpext if sig.args[0].elem.bitwidth < sig.return_type.elem.bitwidth else builder.fptrunc
+    return args[0] if sig.args[0] == sig.return_type else change(args[0], vector_of(sig.return_type))
+
+
+registered(lambda x, like: signature(Lanes(like.elem, x.n), x, like), _emit_convert)(lanes.convert)
 
 
 registered(

@@ -40,7 +40,7 @@ from raytrace.accel.lanes import (
 )
 from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, NORMAL, PRESENT, PRIM_ID, aligned, integers
 from raytrace.accel.octants import Axes
-from raytrace.accel.scratch import FRAME, HIT_T, HIT_U, HIT_V, ROWS, SLABS, TMIN, read_bundle_rays, write_rows
+from raytrace.accel.scratch import FRAME, HIT_T, HIT_U, HIT_V, OCCLUDED, ROWS, SLABS, TMIN, read_bundle_rays, write_prim_id, write_rows
 from raytrace.accel.single import eight_triangles, planes_of_node
 from raytrace.accel.stack import NOTHING, ROOT
 from raytrace.accel.triangle import RayFrame, intersect
@@ -154,9 +154,14 @@ def write_state(work: Work, f: int, row: int, x: int):
 
 
 @inlined
-def read_found(work: Work, r: int, like):
-    """Numbers of the triangles that the rays of packet r have hit, or -1; 1 in any-hit queries."""
-    return load(work.pool.state, ((r + 1) * ROWS + FOUND) * packet_width(work.lanes), like)
+def leave_pool(r: int, closest: bool, work: Work):
+    """Write what the rays of packet r have hit to where the results of a bundle are."""
+    like = packet(work.lanes)
+    found = load(work.pool.state, ((r + 1) * ROWS + FOUND) * packet_width(work.lanes), like)
+    if closest:
+        write_prim_id(work, r, found)
+    else:
+        write_rows(work, r, OCCLUDED, (select(found >= 0, splat(1.0, like), 0.0),))
 
 
 @inlined
@@ -282,3 +287,5 @@ def trace_pool(tree: Tree, packets: int, closest: bool, work: Work):
         for j in range(turns):
             f = np.int64(peek(work.pool.queue, QUEUE + j))
             nodes, leaves = step_through_leaf(tree, f, closest, nodes, leaves, work)
+    for r in range(packets):
+        leave_pool(r, closest, work)

@@ -1,24 +1,20 @@
 """The two queries, nearest hits and occlusion, of any number of rays, bundle by bundle.
 
 Packets whose rays run close together go through the tree as one bundle. Otherwise each packet is split by octant and
-dominant axis, and the rays that share both go through the tree side by side.
+dominant axis, and the rays that share both go through the tree side by side. ``batches`` says which rays a packet has.
 """
 
 import numpy as np
 
+from raytrace.accel.batches import after, in_batch, left, read, read_vectors
 from raytrace.accel.box import PacketBounds, Slabs, endless_packet_bounds, make_packet_bounds, make_slabs
 from raytrace.accel.bundle import Bundle, any_in_packet, closest_in_packet, trace_bundle
 from raytrace.accel.frustum import make_frusta
 from raytrace.accel.lanes import (
     absolute,
     bits,
-    compress,
     first_bit,
-    gather,
     group_size,
-    lane_numbers,
-    load,
-    load_rows,
     machine_epsilon,
     machine_largest,
     mask_of,
@@ -30,65 +26,34 @@ from raytrace.accel.lanes import (
     select,
     splat,
     splat_int,
-    store,
 )  # fmt: skip
 from raytrace.accel.layout import NODE_SIZE
 from raytrace.accel.octants import Axes, RayPacket, axes_of, make_ray_frame, octants_of, same_octant_and_axis
 from raytrace.accel.packet import any_packet, closest_packet
-from raytrace.accel.pool import SCATTERED, read_found, spread, suits_pool, trace_pool
+from raytrace.accel.pool import SCATTERED, spread, suits_pool, trace_pool
+from raytrace.accel.results import write, write_hits, write_occluded  # noqa: F401  (write: for other queries)
 from raytrace.accel.scratch import (
     FRAME,
     HIT_T,
-    HIT_U,
-    HIT_V,
     OCCLUDED,
     ORIGIN,
-    SCALE,
     TMIN,
     BundleRays,
     read_bundle_rays,
-    read_prim_id,
-    read_row,
     write_prim_id,
     write_rows,
 )
 from raytrace.accel.vectors import scaled
-from raytrace.jit import inlined, kernel
-from raytrace.records import Columns, Hits, Rays, Tree, Work
+from raytrace.jit import c_kernel, inlined
+from raytrace.records import Hits, Rays, Tree, Work
 
 ORDINARY = 2.0**10  # directions whose largest component lies in 1 / ORDINARY .. ORDINARY are not scaled
 LIFT = 2.0**64  # scales the shortest directions to where their exponent is normal
 
 
 @inlined
-def read(columns: Columns, i: int, axis: int, n: int, like):
-    """Component ``axis`` of rays i, i + 1, ...; lanes beyond the last ray repeat it."""
-    at = columns.start + axis * columns.axis
-    if columns.row == 0:
-        return splat(columns.data[at], like)
-    if columns.row == 1 and i + packet_width(columns.data) <= n:
-        return load(columns.data, at + i, like)
-    rows = lane_numbers(like) + np.int32(i)
-    return pick(columns, select(rows < np.int32(n), rows, np.int32(n - 1)), axis)
-
-
-@inlined
-def read_vectors(columns: Columns, i: int, n: int, like):
-    """x, y, z of rays i, i + 1, ...; lanes beyond the last ray repeat it."""
-    if columns.row == 3 and columns.axis == 1 and i + packet_width(columns.data) <= n:
-        return load_rows(columns.data, columns.start + 3 * i, like)
-    return read(columns, i, 0, n, like), read(columns, i, 1, n, like), read(columns, i, 2, n, like)
-
-
-@inlined
-def pick(columns: Columns, rows, axis: int):
-    """Component ``axis`` of the rays whose numbers are ``rows``."""
-    return gather(columns.data, rows * np.int32(columns.row) + np.int32(columns.start + axis * columns.axis))
-
-
-@inlined
-def read_rays(rays: Rays, i: int, n: int, like) -> BundleRays:
-    """Rays i, i + 1, ... of one packet.
+def read_rays(rays: Rays, i: int, n, like) -> BundleRays:
+    """Rays of the packet that begins at place i of a batch.
 
     Where a packet has an extreme direction, all its directions are scaled by powers of two, so that the largest
     component lies in [1, 2). That is exact. Rays that cannot hit get tmax = -inf: those that are not finite, have no
@@ -98,7 +63,7 @@ def read_rays(rays: Rays, i: int, n: int, like) -> BundleRays:
     tmin, tmax = read(rays.tmin, i, 0, n, like), read(rays.tmax, i, 0, n, like)
     zero = ((o[0] - o[0]) + (o[1] - o[1]) + (o[2] - o[2])) + ((d[0] - d[0]) + (d[1] - d[1]) + (d[2] - d[2]))
     longest = maximum(maximum(absolute(d[0]), absolute(d[1])), absolute(d[2]))
-    alive = (zero == 0.0) & (longest > 0.0) & (tmin < tmax) & (lane_numbers(like) < np.int32(n - i))
+    alive = (zero == 0.0) & (longest > 0.0) & (tmin < tmax) & in_batch(i, n, like)
     scale = splat(1.0, like)
     if bits(alive & ((longest < 1.0 / ORDINARY) | (longest > ORDINARY))) != 0:
         lift = select(longest < 1.0 / LIFT, LIFT, scale)
@@ -110,15 +75,6 @@ def read_rays(rays: Rays, i: int, n: int, like) -> BundleRays:
 
 
 @inlined
-def write(a, i: int, n: int, x):
-    """Write a register to elements i, i + 1, ... of an array of length n, as far as it goes."""
-    if i + packet_width(a) <= n:
-        store(a, i, x)
-    else:
-        compress(a, i, lane_numbers(x) < np.int32(n - i), x)
-
-
-@inlined
 def packet_bounds(tree: Tree, o, slabs: Slabs, tmin, mask, eps) -> PacketBounds:
     """Bounds of the rays of a packet; endless for a tree of one node, whose boxes are all tested one by one."""
     if len(tree.nodes.bounds) == NODE_SIZE:
@@ -127,7 +83,7 @@ def packet_bounds(tree: Tree, o, slabs: Slabs, tmin, mask, eps) -> PacketBounds:
 
 
 @inlined
-def collect(rays: Rays, i: int, n: int, count: int, work: Work):
+def collect(rays: Rays, i: int, n, count: int, work: Work):
     """Write the packets of a bundle to scratch memory; return the dominant axis and the sense of all rays alive.
 
     The sense is 1 or -1: along the axis or against it. Where rays differ in either, or where any tmin is negative, axis
@@ -159,17 +115,24 @@ def collect(rays: Rays, i: int, n: int, count: int, work: Work):
 
 
 @inlined
-def packets_from(i: int, n: int, work: Work) -> int:
-    """Number of packets in the bundle that begins with ray i."""
+def packets_from(i: int, n, work: Work) -> int:
+    """Number of packets in the bundle that begins at place i."""
     width = packet_width(work.lanes)
-    return min(group_size(work.lanes), (n - i + width - 1) // width)
+    return min(group_size(work.lanes), (left(i, n) + width - 1) // width)
 
 
 @inlined
-def trace_together(tree: Tree, rays: Rays, i: int, n: int, test, work: Work) -> bool:
+def trace_together(tree: Tree, rays: Rays, i: int, n, test, work: Work) -> bool:
     """Write packets to scratch memory; trace them as a bundle if they run close together; return whether they do."""
     count = packets_from(i, n, work)
     dominant, sense = collect(rays, i, n, count, work)
+    return trace_collected(tree, (dominant, sense), count, test, work)
+
+
+@inlined
+def trace_collected(tree: Tree, axis, count: int, test, work: Work) -> bool:
+    """Trace packets in scratch memory as a bundle if they run close together; ``axis``: as ``collect`` returns it."""
+    dominant, sense = axis
     if dominant < 0:
         return False
     for r in range(count):
@@ -222,45 +185,34 @@ def any_of_packet(tree: Tree, r: int, work: Work, like) -> int:
     return occluded
 
 
-@kernel
-def closest_hit(tree: Tree, rays: Rays, hits: Hits, n: int, work: Work):
-    """Find the nearest hits of n rays."""
-    like, width = packet(tree.nodes.bounds), packet_width(tree.nodes.bounds)
-    for i in range(0, n, group_size(work.lanes) * width):
-        together = trace_together(tree, rays, i, n, closest_in_packet, work)
-        apart = not together and suits_pool(tree) and spread(packets_from(i, n, work), work) > SCATTERED
-        if apart:
-            trace_pool(tree, packets_from(i, n, work), True, work)
-        for r in range(packets_from(i, n, work)):
-            if not together and not apart:
-                closest_of_packet(tree, r, work, like)
-            at, prim = i + r * width, read_found(work, r, like) if apart else read_prim_id(work, r, like)
-            found, scale = prim >= 0, read_row(work, r, SCALE, like)
-            write(hits.t, at, n, select(found, read_row(work, r, HIT_T, like) / scale, np.inf))
-            write(hits.prim_id, at, n, prim)
-            write(hits.u, at, n, select(found, read_row(work, r, HIT_U, like), 0.0))
-            write(hits.v, at, n, select(found, read_row(work, r, HIT_V, like), 0.0))
-
-
-@kernel
-def any_hit(tree: Tree, rays: Rays, occluded, n: int, work: Work):
-    """Find which of n rays hit anything."""
-    like, width = packet(tree.nodes.bounds), packet_width(tree.nodes.bounds)
-    for i in range(0, n, group_size(work.lanes) * width):
-        together = trace_together(tree, rays, i, n, any_in_packet, work)
-        apart = not together and suits_pool(tree) and spread(packets_from(i, n, work), work) > SCATTERED
-        if apart:
-            trace_pool(tree, packets_from(i, n, work), False, work)
-        for r in range(packets_from(i, n, work)):
-            if together:
-                hit = read_row(work, r, OCCLUDED, like) > 0.0
-            elif apart:
-                hit = read_found(work, r, like) >= 0
+@c_kernel
+def closest_hit(tree: Tree, rays: Rays, hits: Hits, n, work: Work):
+    """Find the nearest hits of the rays of a batch."""
+    like, step, i = packet(tree.nodes.bounds), group_size(work.lanes) * packet_width(tree.nodes.bounds), 0
+    while left(i, n) > 0:
+        count = packets_from(i, n, work)
+        if not trace_together(tree, rays, i, n, closest_in_packet, work):
+            if suits_pool(tree) and spread(count, work) > SCATTERED:
+                trace_pool(tree, count, True, work)
             else:
-                hit = mask_of(any_of_packet(tree, r, work, like), like)
-            if i + (r + 1) * width <= n:
-                store(occluded, i + r * width, hit)
-                continue
-            left = bits(hit)
-            for k in range(n - i - r * width):
-                occluded[i + r * width + k] = left >> k & 1
+                for r in range(count):
+                    closest_of_packet(tree, r, work, like)
+        write_hits(hits, i, n, count, work)
+        i = after(i, step, n)
+
+
+@c_kernel
+def any_hit(tree: Tree, rays: Rays, occluded, n, work: Work):
+    """Find which rays of a batch hit anything."""
+    like, step, i = packet(tree.nodes.bounds), group_size(work.lanes) * packet_width(tree.nodes.bounds), 0
+    while left(i, n) > 0:
+        count = packets_from(i, n, work)
+        if not trace_together(tree, rays, i, n, any_in_packet, work):
+            if suits_pool(tree) and spread(count, work) > SCATTERED:
+                trace_pool(tree, count, False, work)
+            else:
+                for r in range(count):
+                    hit = mask_of(any_of_packet(tree, r, work, like), like)
+                    write_rows(work, r, OCCLUDED, (select(hit, splat(1.0, like), 0.0),))
+        write_occluded(occluded, i, n, count, work)
+        i = after(i, step, n)

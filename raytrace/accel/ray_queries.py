@@ -1,17 +1,22 @@
 """``RayQueries``: the queries of ``BVH`` about rays; they check their arguments and run on several threads."""
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace.accel import reorder
+from raytrace.accel.batches import Pixels, image_width, whole_blocks
 from raytrace.accel.bundle import BUNDLE
+from raytrace.accel.hit_lists import HitTracer, count_all, list_all
 from raytrace.accel.inputs import check_rays, rays_of
+from raytrace.accel.inside import Closure, check_closed, inside
 from raytrace.accel.lanes import NODE, PACKET
 from raytrace.accel.layout import aligned
 from raytrace.accel.pool import make_pool
 from raytrace.accel.scratch import ROWS
 from raytrace.parallel import MAX_RANGE, share_out
-from raytrace.records import Hits, Tree, Work
+from raytrace.records import AllHits, Hits, Tree, Work
 
 
 class RayQueries:
@@ -19,8 +24,11 @@ class RayQueries:
 
     tree: Tree
     triangles: NDArray[np.floating]  # (m, 12) f: v0, v1, v2 and the unit normal of each face
+    vertices: NDArray[np.floating]  # (v, 3) f
+    faces: NDArray[np.int32]  # (m, 3)
     levels: int
     grid: reorder.Grid
+    _closure: Closure | None = None  # what ``contains`` knows of the mesh
 
     def closest_hit(
         self,
@@ -34,9 +42,9 @@ class RayQueries:
 
         Parameters
         ----------
-        origins, directions : (n, 3) array_like, world units
-            Either may be a single row, which all rays share. Directions may have any length.
-        tmin, tmax : float or (n,) array_like, units of the direction
+        origins, directions : (..., 3) array_like, world units
+            Directions may have any length.
+        tmin, tmax : (...) array_like, units of the direction
             Open interval in which a hit counts.
         threads : int, optional
             Default: one per core that the process may use.
@@ -44,12 +52,17 @@ class RayQueries:
         Returns
         -------
         Hits
-            ``t`` (inf for a miss), ``prim_id`` (-1), ``u``, ``v``: (n,) arrays, p = (1 - u - v) v0 + u v1 + v v2.
+            ``t`` (inf for a miss), ``prim_id`` (-1), ``u``, ``v``: (...) arrays, p = (1 - u - v) v0 + u v1 + v v2.
 
         Raises
         ------
         ValueError
             Shapes that do not match.
+
+        Notes
+        -----
+        The shapes ``...`` broadcast by NumPy's rules: (h, w, 3) directions, one (3,) origin and a tmax of
+        shape (w,) give (h, w) hits. Single rows (3,) alone give hits of shape (1,).
 
         Examples
         --------
@@ -59,7 +72,8 @@ class RayQueries:
         array([ 1., inf], dtype=float32)
         """
         dtype = self.triangles.dtype
-        rays, n = check_rays(origins, directions, tmin, tmax, dtype)
+        rays, shape = check_rays(origins, directions, tmin, tmax, dtype)
+        n, width = math.prod(shape), image_width(shape, MAX_RANGE)
         size = dtype.itemsize
         memory = np.empty(n * (3 * size + 4), np.uint8)  # one block, which the allocator can reuse without new pages
         t, u, v = memory[: 3 * n * size].view(dtype).reshape(3, n)
@@ -69,11 +83,12 @@ class RayQueries:
         def trace(begin: int, end: int) -> None:
             part = Hits(*(column[begin:end] for column in hits))
             scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.work())
-            reorder.closest_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, end - begin, scratch)
+            batch = Pixels(width, (end - begin) // width) if width else end - begin
+            reorder.closest_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
             unused.append(scratch)
 
-        share_out(trace, n, threads)
-        return hits
+        share_out(trace, n, threads, whole_blocks(width))
+        return Hits(*(column.reshape(shape) for column in hits))
 
     def any_hit(
         self,
@@ -87,7 +102,7 @@ class RayQueries:
 
         Returns
         -------
-        (n,) bool array
+        (...) bool array
 
         Examples
         --------
@@ -97,18 +112,134 @@ class RayQueries:
         array([False,  True])
         """
         dtype = self.triangles.dtype
-        rays, n = check_rays(origins, directions, tmin, tmax, dtype)
+        rays, shape = check_rays(origins, directions, tmin, tmax, dtype)
+        n, width = math.prod(shape), image_width(shape, MAX_RANGE)
         occluded = np.empty(n, np.bool_)
         unused: list[reorder.SortScratch] = []
 
         def trace(begin: int, end: int) -> None:
             part = occluded[begin:end]
             scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.work())
-            reorder.any_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, end - begin, scratch)
+            batch = Pixels(width, (end - begin) // width) if width else end - begin
+            reorder.any_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
             unused.append(scratch)
 
-        share_out(trace, n, threads)
-        return occluded
+        share_out(trace, n, threads, whole_blocks(width))
+        return occluded.reshape(shape)
+
+    def all_hits(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        tmin: ArrayLike = 0.0,
+        tmax: ArrayLike = np.inf,
+        *,
+        crossings: bool = False,
+        threads: int | None = None,
+    ) -> AllHits:
+        """Return all hits of each ray, sorted by t, then by ``prim_id``.
+
+        Parameters
+        ----------
+        origins, directions, tmin, tmax, threads
+            Those of ``closest_hit``. The interval is tested on the rounded t.
+        crossings : bool
+            False: every triangle that holds a point of the ray is reported, also at its edges and corners, so a ray
+            through an edge hits two triangles there. The first hit is that of ``closest_hit``.
+            True: every crossing of a closed surface counts once, whichever edges and vertices the ray meets, so that
+            the parity of their number is exact: odd if the origin is inside. Where the surface folds over the ray,
+            any number of the right parity may be reported. With ``tmin=0``, whether a crossing lies beyond the origin
+            is decided exactly. If the mesh is not closed, the parity means nothing.
+
+        Returns
+        -------
+        AllHits
+            ``t``, ``prim_id``, ``u``, ``v``: (k,) arrays; ``start``: (n + 1,) int64. The hits of ray i, in C
+            order, are rows ``start[i]`` to ``start[i + 1]``.
+
+        Raises
+        ------
+        ValueError
+            Shapes that do not match.
+        MemoryLimitError
+            There is no memory for so many hits; the message has their number. It is a ``ValueError`` too.
+
+        Examples
+        --------
+        >>> import raytrace as rt
+        >>> bvh = rt.BVH([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]], [[0, 1, 2], [3, 4, 5]])
+        >>> hits = bvh.all_hits([[0.25, 0.25, 2], [0.25, 0.25, 0.5], [2, 2, 2]], [0, 0, -1])
+        >>> hits.start.tolist(), hits.prim_id.tolist(), hits.t.tolist()
+        ([0, 2, 3, 3], [1, 0, 0], [1.0, 2.0, 0.5])
+        """
+        rays, shape = check_rays(origins, directions, tmin, tmax, self.triangles.dtype)
+        n = math.prod(shape)
+        return list_all(HitTracer(self, rays, n, crossings), n, threads)
+
+    def count_hits(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        tmin: ArrayLike = 0.0,
+        tmax: ArrayLike = np.inf,
+        *,
+        crossings: bool = False,
+        threads: int | None = None,
+    ) -> NDArray[np.int32]:
+        """Return how many hits each ray has; the parameters are those of ``all_hits``.
+
+        Returns
+        -------
+        (...) int32 array
+
+        Examples
+        --------
+        >>> import raytrace as rt
+        >>> bvh = rt.BVH([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+        >>> bvh.count_hits([0.5, 0.5, 1], [0, 0, -1])  # through the edge that both share
+        array([2], dtype=int32)
+        >>> bvh.count_hits([0.5, 0.5, 1], [0, 0, -1], crossings=True)
+        array([1], dtype=int32)
+        """
+        rays, shape = check_rays(origins, directions, tmin, tmax, self.triangles.dtype)
+        n = math.prod(shape)
+        return count_all(HitTracer(self, rays, n, crossings), n, threads).reshape(shape)
+
+    def contains(self, points: ArrayLike, threads: int | None = None) -> NDArray[np.bool_]:
+        """Return whether each point lies inside a closed mesh, or on its surface.
+
+        A point is inside if a ray from it crosses the surface an odd number of times. The number is exact, also where
+        the ray meets edges and vertices. The orientation of the triangles does not matter. Where closed bodies overlap,
+        a point in two of them is outside.
+
+        Parameters
+        ----------
+        points : (..., 3) array_like, world units
+            Rounded to the precision of the tree. Points that are not finite are outside.
+        threads : int, optional
+            Default: one per core that the process may use.
+
+        Returns
+        -------
+        (...) bool array
+
+        Raises
+        ------
+        ValueError
+            The mesh is not closed; the message counts the open edges and names the first. A mesh is closed if every
+            edge whose two ends differ is a side of an even number of triangles. Edges are matched by the exact
+            positions of their ends, so meshes with duplicate vertices, as from STL files, are closed too.
+
+        Examples
+        --------
+        >>> import raytrace as rt
+        >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+        >>> bvh = rt.BVH(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        >>> bvh.contains([[0.1, 0.1, 0.1], [0.5, 0.5, 0.5], [0.5, 0.5, 0]])
+        array([ True, False,  True])
+        """
+        check_closed(self, "contains")
+        return inside(self, points, threads)
 
     def work(self) -> Work:
         """Allocate scratch memory for one thread."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.accel import query
+from raytrace.accel.batches import Pixels, pick, read_vectors
 from raytrace.accel.lanes import (
     PACKET,
     absolute,
@@ -90,7 +91,7 @@ def cell_of(x, low, scale, bits):
 def keys_of(rays: Rays, i: int, n: int, grid: Grid, like):
     """Sort keys of rays: Morton code of the origin's cell, then octant and dominant axis in the lowest bits."""
     zero = splat_int(0, like)
-    o, (x, y, z) = query.read_vectors(rays.o, i, n, like), query.read_vectors(rays.d, i, n, like)
+    o, (x, y, z) = read_vectors(rays.o, i, n, like), read_vectors(rays.d, i, n, like)
     ax, ay, az = absolute(x), absolute(y), absolute(z)
     key = select((ax >= ay) & (ax >= az), zero, select(ay >= az, zero + np.int32(8), np.int32(16)))
     key = key | select(x < 0.0, zero + np.int32(1), np.int32(0)) | select(y < 0.0, zero + np.int32(2), np.int32(0))
@@ -165,10 +166,10 @@ def take(rays: Rays, n: int, numbers, out):
     for i in range(0, n, packet_width(out)):
         rows = load(numbers, i, splat_int(0, like))
         for axis in range(3):
-            store(out, axis * size + i, query.pick(rays.o, rows, axis))
-            store(out, (3 + axis) * size + i, query.pick(rays.d, rows, axis))
-        store(out, 6 * size + i, query.pick(rays.tmin, rows, 0))
-        store(out, 7 * size + i, query.pick(rays.tmax, rows, 0))
+            store(out, axis * size + i, pick(rays.o, rows, axis))
+            store(out, (3 + axis) * size + i, pick(rays.d, rows, axis))
+        store(out, 6 * size + i, pick(rays.tmin, rows, 0))
+        store(out, 7 * size + i, pick(rays.tmax, rows, 0))
 
 
 @kernel
@@ -186,10 +187,11 @@ def worth_sorting(tree: Tree, grid: Grid, rays: Rays, n: int, scratch: SortScrat
     return 2 * keys > SAMPLE and not (2 * directions > SAMPLE and suits_pool(tree))
 
 
-def closest_hit(tree: Tree, grid: Grid, rays: Rays, hits: Hits, n: int, scratch: SortScratch) -> None:
-    """Find the nearest hits of n rays, which are sorted first if that is faster."""
+def closest_hit(tree: Tree, grid: Grid, rays: Rays, hits: Hits, batch: int | Pixels, scratch: SortScratch) -> None:
+    """Find the nearest hits of the rays of a batch, which are sorted first if that is faster."""
+    n = _count(batch)
     if not worth_sorting(tree, grid, rays, n, scratch):
-        query.closest_hit(tree, rays, hits, n, scratch.work)
+        query.closest_hit(tree, rays, hits, batch, scratch.work)
         return
     numbers, rays = _sorted(rays, n, grid, scratch)
     query.closest_hit(tree, rays, scratch.hits, n, scratch.work)
@@ -197,19 +199,31 @@ def closest_hit(tree: Tree, grid: Grid, rays: Rays, hits: Hits, n: int, scratch:
         give_back(values, n, numbers, out)
 
 
-def any_hit(tree: Tree, grid: Grid, rays: Rays, occluded: NDArray[np.bool_], n: int, scratch: SortScratch) -> None:
-    """Find which of n rays are occluded; the rays are sorted first if that is faster."""
+def any_hit(
+    tree: Tree, grid: Grid, rays: Rays, occluded: NDArray[np.bool_], batch: int | Pixels, scratch: SortScratch
+) -> None:
+    """Find which rays of a batch are occluded; they are sorted first if that is faster."""
+    n = _count(batch)
     if not worth_sorting(tree, grid, rays, n, scratch):
-        query.any_hit(tree, rays, occluded, n, scratch.work)
+        query.any_hit(tree, rays, occluded, batch, scratch.work)
         return
     numbers, rays = _sorted(rays, n, grid, scratch)
     query.any_hit(tree, rays, scratch.occluded, n, scratch.work)
     give_back(scratch.occluded, n, numbers, occluded)
 
 
-def _sorted(rays: Rays, n: int, grid: Grid, scratch: SortScratch) -> tuple[NDArray[np.int32], Rays]:
-    numbers = scratch.numbers[sort_rays(rays, n, grid, scratch)]
+def _count(batch: int | Pixels) -> int:
+    """Rays of a batch."""
+    return batch.width * batch.height if isinstance(batch, Pixels) else batch
+
+
+def sorted_rays(rays: Rays, n: int, numbers: NDArray[np.int32], scratch: SortScratch) -> tuple[NDArray[np.int32], Rays]:
+    """Return n rays in the order of ``numbers``, and the numbers."""
     take(rays, n, numbers, scratch.rays)
     size = len(scratch.occluded)
     columns = [Columns(scratch.rays, first * size, 1, size) for first in (0, 3, 6, 7)]
     return numbers, Rays(*columns)
+
+
+def _sorted(rays: Rays, n: int, grid: Grid, scratch: SortScratch) -> tuple[NDArray[np.int32], Rays]:
+    return sorted_rays(rays, n, scratch.numbers[sort_rays(rays, n, grid, scratch)], scratch)

@@ -47,6 +47,28 @@ class Crossing(NamedTuple):
     v: float
 
 
+class ShearedTriangle(NamedTuple):
+    """Vertices relative to the origin of rays: numbers, or lanes."""
+
+    a: tuple  # x, y, z of v0 in the axes of the rays
+    b: tuple
+    c: tuple
+    ax: float  # x and y after the shear
+    ay: float
+    bx: float
+    by: float
+    cx: float
+    cy: float
+
+
+class PlaneDistance(NamedTuple):
+    """Where rays meet the plane of a triangle."""
+
+    t: float  # clamped
+    height: float  # world units: of the plane over the origin, along the unit normal
+    slope: float  # n . d / d_z
+
+
 @inlined
 def edge(px, py, qx, qy):
     """Twice the signed area of (origin, p, q). Rounding is monotonic, so its sign is exact unless the products tie."""
@@ -81,22 +103,54 @@ def chord_end(z0, m0, z1, m1, low, high):
 
 
 @inlined
-def watertight(frame: RayFrame, triangle: Triangle) -> Crossing:
-    """Watertight test of rays and triangles.
-
-    Inclusion after Woop, Benthin and Wald 2013: neighbouring triangles use the same sheared vertices, and so agree
-    exactly about their shared edge. The distance comes from the plane, because the barycentric weights alone are too
-    inaccurate in slivers: every vertex has the same height n . (v - o) over the origin, so z = height / (n . d / d_z).
-    The vertex nearest to the hit has the largest weight. z is clamped to the range of the triangle's vertices; where
-    the ray grazes the plane, to the chord of the triangle below the ray.
-    """
-    v0, v1, v2, n = triangle
+def shear(frame: RayFrame, triangle: Triangle) -> ShearedTriangle:
+    """Move the origin of rays to zero, and shear triangles so that the rays are parallel to the z axis."""
+    v0, v1, v2, _ = triangle
     a = v0[0] - frame.ox, v0[1] - frame.oy, v0[2] - frame.oz
     b = v1[0] - frame.ox, v1[1] - frame.oy, v1[2] - frame.oz
     c = v2[0] - frame.ox, v2[1] - frame.oy, v2[2] - frame.oz
     ax, ay = fma(frame.sx, a[2], a[0]), fma(frame.sy, a[2], a[1])
     bx, by = fma(frame.sx, b[2], b[0]), fma(frame.sy, b[2], b[1])
     cx, cy = fma(frame.sx, c[2], c[0]), fma(frame.sy, c[2], c[1])
+    return ShearedTriangle(a, b, c, ax, ay, bx, by, cx, cy)
+
+
+@inlined
+def plane_distance(frame: RayFrame, n, sheared: ShearedTriangle, weights, inside) -> PlaneDistance:
+    """Distance to the plane of a triangle along rays that pass inside its edges; ``inside`` is their mask.
+
+    It comes from the plane, because the barycentric weights alone are too inaccurate in slivers: every vertex has the
+    same height n . (v - o) over the origin, so z = height / (n . d / d_z). The vertex nearest to the hit has the
+    largest weight. z is clamped to the range of the triangle's vertices; where the ray grazes the plane, to the chord
+    of the triangle below the ray.
+    """
+    a, b, c, ax, ay, bx, by, cx, cy = sheared
+    u, v, w = weights
+    height = fma(u, normal_part(n, a), fma(v, normal_part(n, b), w * normal_part(n, c)))
+    slope = n[2] - fma(n[0], frame.sx, n[1] * frame.sy)
+    z = height / slope
+    low = minimum(minimum(a[2], b[2]), c[2])
+    high = maximum(maximum(a[2], b[2]), c[2])
+    grazing = inside & (absolute(slope) < GRAZING)
+    if bits(grazing) != 0:
+        p, q, r = ax * n[1] - ay * n[0], bx * n[1] - by * n[0], cx * n[1] - cy * n[0]
+        first, last = chord_end(a[2], p, b[2], q, np.inf, -np.inf)
+        first, last = chord_end(b[2], q, c[2], r, first, last)
+        first, last = chord_end(c[2], r, a[2], p, first, last)
+        grazing = grazing & (first <= last)
+        low, high = select(grazing, first, low), select(grazing, last, high)
+    return PlaneDistance(maximum(minimum(z, high), low) / frame.dz, height, slope)
+
+
+@inlined
+def watertight(frame: RayFrame, triangle: Triangle) -> Crossing:
+    """Watertight test of rays and triangles.
+
+    Inclusion after Woop, Benthin and Wald 2013: neighbouring triangles use the same sheared vertices, and so agree
+    exactly about their shared edge.
+    """
+    sheared = shear(frame, triangle)
+    _, _, _, ax, ay, bx, by, cx, cy = sheared
     u = edge(cx, cy, bx, by)
     v = edge(ax, ay, cx, cy)
     w = edge(bx, by, ax, ay)
@@ -113,20 +167,7 @@ def watertight(frame: RayFrame, triangle: Triangle) -> Crossing:
     u = u * scale
     v = v * scale
     w = w * scale
-    height = fma(u, normal_part(n, a), fma(v, normal_part(n, b), w * normal_part(n, c)))
-    slope = n[2] - fma(n[0], frame.sx, n[1] * frame.sy)
-    z = height / slope
-    low = minimum(minimum(a[2], b[2]), c[2])
-    high = maximum(maximum(a[2], b[2]), c[2])
-    grazing = inside & (absolute(slope) < GRAZING)
-    if bits(grazing) != 0:
-        p, q, r = ax * n[1] - ay * n[0], bx * n[1] - by * n[0], cx * n[1] - cy * n[0]
-        first, last = chord_end(a[2], p, b[2], q, np.inf, -np.inf)
-        first, last = chord_end(b[2], q, c[2], r, first, last)
-        first, last = chord_end(c[2], r, a[2], p, first, last)
-        grazing = grazing & (first <= last)
-        low, high = select(grazing, first, low), select(grazing, last, high)
-    return Crossing(inside, maximum(minimum(z, high), low) / frame.dz, v, w)
+    return Crossing(inside, plane_distance(frame, triangle.n, sheared, (u, v, w), inside).t, v, w)
 
 
 @inlined

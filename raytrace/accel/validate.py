@@ -22,6 +22,9 @@ class TreeStats(NamedTuple):
     fill: float  # triangles per leaf / 8
     sah_cost: float  # expected nodes and leaves that a random ray through the root's box meets [Wald2007]
     bytes_per_triangle: float  # of nodes and leaves
+    growth: float = (
+        1.0  # sah_cost over that of the tree as it was built; larger than 1 after ``refit`` if rays are slower
+    )
 
 
 def _boxes(nodes: Nodes) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
@@ -30,25 +33,28 @@ def _boxes(nodes: Nodes) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     return bounds[..., :3], bounds[..., 3:]
 
 
-def tree_stats(tree: Tree, levels: int) -> TreeStats:
-    """Compute the statistics of a tree.
-
-    The SAH cost is the sum over all children of area(child) / area(root) times the cost of the child.
-    """
-    low, high = _boxes(tree.nodes)
-    child = children_of(tree.nodes)
-    used = child != 0
+def sah_cost(nodes: Nodes) -> float:
+    """Return the cost of the root plus the sum over all children of area(child) / area(root) times the child's cost."""
+    low, high = _boxes(nodes)
+    child = children_of(nodes)
+    used = (child != 0) & (low[..., 0] < np.inf)  # not a leaf whose triangles have all lost their area
     extent = np.where(used[..., None], high - low, 0).astype(np.float64)
     area = extent[..., 0] * extent[..., 1] + extent[..., 1] * extent[..., 2] + extent[..., 2] * extent[..., 0]
     root = np.ptp(np.concatenate([low[0][used[0]], high[0][used[0]]]), axis=0) if used[0].any() else np.ones(3)
     root_area = float(root[0] * root[1] + root[1] * root[2] + root[2] * root[0])
     with np.errstate(divide="ignore", invalid="ignore"):  # a mesh in one point
-        cost = NODE_COST + float((area * np.where(child > 0, NODE_COST, 1.0)).sum() / np.float64(root_area))
-    numbers = triangles_of(tree.leaves)
+        return NODE_COST + float((area * np.where(child > 0, NODE_COST, 1.0)).sum() / np.float64(root_area))
+
+
+def tree_stats(tree: Tree, levels: int, cost_when_built: float | None = None) -> TreeStats:
+    """Compute the statistics of a tree; the cost when it was built is given after a refit."""
+    nodes, numbers = len(children_of(tree.nodes)), triangles_of(tree.leaves)
+    cost = sah_cost(tree.nodes)
     triangles, leaves = int((numbers >= 0).sum()), len(numbers)
     size = tree.nodes.bounds.nbytes + tree.leaves.rows.nbytes
     fill, each = (triangles / (leaves * NODE), size / triangles) if triangles else (0.0, 0.0)
-    return TreeStats(triangles, len(child), leaves, levels, fill, cost, each)
+    growth = cost / cost_when_built if cost_when_built else 1.0
+    return TreeStats(triangles, nodes, leaves, levels, fill, cost, each, growth)
 
 
 def tree_problems(tree: Tree, triangles: NDArray[np.floating]) -> list[str]:

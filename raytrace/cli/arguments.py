@@ -2,7 +2,7 @@
 
 import contextlib
 import sys
-from argparse import ArgumentParser, ArgumentTypeError, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, ArgumentTypeError, BooleanOptionalAction, RawDescriptionHelpFormatter
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NoReturn
@@ -148,7 +148,7 @@ RENDER_OPTIONS = (
 
 def scene_options(parser: ArgumentParser) -> None:
     """Declare the scene file and the options for loading it."""
-    parser.add_argument("scene", type=Path, help="scene file (JSON)")
+    parser.add_argument("scene", type=Path, help="scene file (JSON), or a mesh file")
     _load_options(parser)
 
 
@@ -241,6 +241,15 @@ def compare_options(parser: ArgumentParser) -> None:
     add("--max-bias", type=limit, metavar="X", help="relative difference of a channel's mean")
     add("--max-worst-tile", type=limit, metavar="X", help="error of the worst 8 x 8 tile")
     add("--max-outliers", type=real_number(0, 1), metavar="X", help="fraction of pixels that are outliers")
+    add("--max-mrse", type=limit, metavar="X", help="mean relative squared error, as pbrt has it")
+    add("--max-flip", type=real_number(0, 1), metavar="X", help="mean FLIP, as shown on a screen; 0 means equal")
+    add("--max-hdr-flip", type=real_number(0, 1), metavar="X", help="mean HDR-FLIP, of the light itself")
+    text = "measure FLIP and HDR-FLIP, or do not (default: if flip-evaluator is installed)"
+    add("--flip", action=BooleanOptionalAction, help=text)
+    text = "fail if the images differ by more than their noise; both files must have variances (.exr, .npz)"
+    add("--z-test", action="store_true", help=text)
+    text = "of the z-test: probability that images which differ by noise only fail (default: 0.01)"
+    add("--alpha", type=real_number(1e-12, 0.5), metavar="P", help=text)
     add("--json", action="store_true", help="print one JSON object")
 
 
@@ -255,3 +264,13 @@ def report_options(parser: ArgumentParser) -> None:
     add("--budget", type=real_number(1, 1e9), default=60.0, metavar="SECONDS", help="measuring time (default: 60)")
     size = whole_numbers("WxH", "x", (1, 1))
     add("--size", type=size, metavar="WxH", help="image size in pixels (default: the scene's)")
+
+
+def export_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``export``."""
+    scene_options(parser)
+    add = parser.add_argument
+    add("--to", type=one_of("mitsuba", "pbrt"), required=True, metavar="NAME", help="mitsuba (3) or pbrt (v4)")
+    add("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the scene, its meshes and images")
+    text = "replace what the other renderer cannot express by what is closest, with a warning for each"
+    add("--approximate", action="store_true", help=text)

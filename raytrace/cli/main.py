@@ -24,6 +24,7 @@ EXAMPLES = """\
 examples:
   raytrace demo                                                writes demo.png
   raytrace scenes/cornell-box.json                             writes cornell-box.png
+  raytrace vase.glb                                            a mesh without a scene: .obj, .ply, .stl, ...
   raytrace scene.json -o a.exr --spp 256 --aov depth,normal    more samples; linear radiance with layers
   raytrace explain scene.json                                  what the scene needs, and what is left out
 """
@@ -99,25 +100,9 @@ def _check(args: Namespace) -> int:
 
 
 def _compare(args: Namespace) -> int:
-    from raytrace.image.metrics import Limits, violations
+    from raytrace.cli.comparing import compared
 
-    try:
-        measured = raytrace.compare(args.image, args.reference)
-    except RaytraceError:
-        raise
-    except ValueError as error:  # the sizes differ
-        streams.say(printable(f"{args.image}, {args.reference}: {error}"))
-        return DIFFERENT
-    broken = violations(measured, Limits(**{name: getattr(args, name) for name in Limits._fields}))
-    if args.json:
-        streams.out(streams.json_text(measured._asdict() | {"violations": broken}))
-    else:
-        for name, value in measured._asdict().items():
-            numbers = value if isinstance(value, tuple) else (value,)
-            streams.out(f"{name:<14} {' '.join(f'{number:.6g}' for number in numbers)}")
-    for line in broken:
-        streams.say(line)
-    return DIFFERENT if broken else DONE
+    return DONE if compared(args) else DIFFERENT
 
 
 def _hard_cases(folder: Path) -> int:
@@ -151,6 +136,17 @@ def _report(args: Namespace) -> int:
     for path in found.files:
         streams.out(printable(path))
     return INTERRUPTED if found.interrupted else DONE
+
+
+def _export(args: Namespace) -> int:
+    from raytrace.exporting.export import export_scene
+
+    with without_scene_warnings():  # they are about our own image
+        path, warnings = export_scene(_load(args), args.to, args.output, args.approximate)
+    for warning in warnings:
+        streams.say(f"warning: {warning}")
+    streams.out(printable(path))
+    return DONE
 
 
 def _schema(_args: Namespace) -> int:
@@ -199,6 +195,7 @@ COMMANDS = {
     "check": Command("check a scene and its meshes without rendering", _check, arguments.scene_options),
     "compare": Command("measure the error of an image against a reference", _compare, arguments.compare_options),
     "report": Command("measure speed and error, or test hard rays; write a page", _report, arguments.report_options),
+    "export": Command("write a scene for Mitsuba 3 or pbrt-v4", _export, arguments.export_options),
     "schema": Command("print the JSON Schema of scene files", _schema),
     "warmup": Command("compile kernels now instead of at the first render", _warmup, arguments.warmup_options),
     "doctor": Command("show versions, processor, cache and optional packages", _doctor),

@@ -35,11 +35,14 @@ class Golden:
     ----------
     written : list of Path
         Golden images written so far.
+    failed : list of Path
+        Pages of failures written so far.
     """
 
     def __init__(self, location: GoldenLocation, configured: Mapping[str, float | None], update: bool) -> None:
         self.location, self.configured, self.update = location, dict(configured), update
         self.written: list[Path] = []
+        self.failed: list[Path] = []
 
     def check(
         self, image: Any, name: str, *, encoding: Encoding = None, pictures: int = 64, **gates: float | None
@@ -58,9 +61,10 @@ class Golden:
         pictures : int
             Number of images in the mean, for a noisy image.
         **gates : float or None
-            Limits for this check: min_ssim, max_bias, max_worst_tile, max_outliers, alpha, max_rejected; None: no
-            limit. Default: pytest's configuration, then ``Gates``. For noisy images, SSIM and outliers are checked
-            only if they are given here, and bias and worst tile are what remains after the noise is subtracted.
+            Limits for this check: min_ssim, max_bias, max_worst_tile, max_outliers, alpha, max_rejected, max_flip;
+            None: no limit. Default: pytest's configuration, then ``Gates``. For noisy images, SSIM, outliers and FLIP
+            are checked only if they are given here, and bias and worst tile are what remains after the noise is
+            subtracted.
 
         Returns
         -------
@@ -73,6 +77,8 @@ class Golden:
             A gate failed, or there is no golden image; one line with the numbers and the path of a page.
         ValueError, FileError
             The argument is not an image, a file can't be read or written, or a gate is unknown.
+        OptionError
+            ``max_flip`` is given, and flip-evaluator isn't installed.
 
         Examples
         --------
@@ -106,7 +112,7 @@ class Golden:
         """Gates of a check: the defaults, replaced by pytest's configuration, then by the call."""
         configured = Gates()._replace(**self.configured)
         if golden.stderr is not None:
-            configured = configured._replace(min_ssim=None, max_outliers=None)  # noise affects both
+            configured = configured._replace(min_ssim=None, max_outliers=None, max_flip=None)  # noise affects them
         return configured._replace(**called)
 
     def _approved(
@@ -130,6 +136,7 @@ class Golden:
         check_folder(html.parent)
         save(npz, _within_float32(failure.actual))
         write(html.parent, {html.name: failure_page(failure).encode()})
+        self.failed.append(html)
         numbers = "" if failure.verdict is None else f" ({failure.verdict})"
         raise AssertionError(f"golden {failure.name!r}: {failure.why}{numbers}; see {self.location.short(html)}")
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from raytrace.golden.noise import Noise, critical, in_deviations, noise_of
 from raytrace.golden.store import GoldenImage
+from raytrace.image import flip
 from raytrace.image.files import LUMINANCE
 from raytrace.image.metrics import TILE, Comparison, Limits, compare, level_of, ratio, tile_means, violations
 
@@ -25,6 +26,7 @@ class Gates(NamedTuple):
     max_outliers: float | None = 1e-3
     alpha: float | None = 0.01  # noisy images: probability that a correct image fails
     max_rejected: float | None = 0.0025  # noisy images: share of pixels, for noise that is not normally distributed
+    max_flip: float | None = None  # mean FLIP; needs flip-evaluator
 
 
 class Verdict(NamedTuple):
@@ -43,17 +45,21 @@ class Verdict(NamedTuple):
         bias = ", ".join(f"{value:+.3g}" for value in c.relative_bias)
         text = f"ssim {c.ssim:.6g}, bias {bias}, worst tile {c.worst_tile:.3g}, outliers {c.outliers:.3g}"
         noise = "" if self.rejected is None else f", rejected {self.rejected:.3g}, worst z {self.worst_z:.3g}"
-        return text + noise
+        seen = "" if c.flip is None else f", flip {c.flip:.3g}"
+        return text + noise + seen
 
 
 def judge(actual: NDArray[np.float64], golden: GoldenImage, gates: Gates) -> Verdict:
     """Compare an image with its golden image, both (h, w, 3) linear light of the same size."""
-    comparison = compare(actual, golden.rgb)
+    comparison = compare(actual, golden.rgb, flip=False)
+    if gates.max_flip is not None:
+        comparison = comparison._replace(flip=_flip(actual, golden.rgb))
     limits = Limits(
         min_ssim=gates.min_ssim,
         max_bias=gates.max_bias,
         max_worst_tile=gates.max_worst_tile,
         max_outliers=gates.max_outliers,
+        max_flip=gates.max_flip,
     )
     if golden.stderr is None:
         return Verdict(tuple(violations(comparison, limits)), comparison, None, None)
@@ -68,6 +74,13 @@ def judge(actual: NDArray[np.float64], golden: GoldenImage, gates: Gates) -> Ver
     if gates.max_rejected is not None and rejected > gates.max_rejected:
         broken.append(f"share of pixels that fail the z-test {rejected:.6g} is above {gates.max_rejected:g}")
     return Verdict(tuple(broken), comparison, rejected, float(z.max()))
+
+
+def _flip(actual: NDArray[np.float64], expected: NDArray[np.float64]) -> float:
+    """Mean FLIP; pixels that are not finite count as equal."""
+    flip.required("max_flip")
+    finite = np.isfinite(actual).all(axis=2, keepdims=True)
+    return flip.flip(np.where(finite, actual, expected), expected)
 
 
 def _beyond(

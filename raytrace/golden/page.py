@@ -9,11 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.golden.causes import likely_causes
 from raytrace.golden.gates import Verdict
 from raytrace.golden.locations import GoldenLocation
 from raytrace.golden.noise import in_deviations, noise_of
 from raytrace.golden.spots import Spot, find, largest_channel
 from raytrace.golden.store import GoldenImage
+from raytrace.image import flip
 from raytrace.image.files import LUMINANCE, srgb8
 from raytrace.image.metrics import TILE, Comparison, difference_scale, ssim_map
 
@@ -24,11 +26,13 @@ STYLE = """
 body { font: 16px/1.45 system-ui, sans-serif; margin: 1.2em; color: #111; overflow-wrap: anywhere; }
 h1 { font-size: 1.4em; margin: 0; } h2 { font-size: 1em; margin: 1.2em 0 .2em; }
 .why { background: #fdeee6; border-left: .3em solid #d55e00; padding: .5em .8em; }
+.cause { background: #e8f2fa; border-left: .3em solid #0072b2; padding: .5em .8em; }
 .row { display: flex; flex-wrap: wrap; gap: 1em; max-width: 100%; } figure { margin: 0; max-width: 100%; }
 small { color: #555; display: block; font-weight: normal; }
 figcaption { min-height: 2.9em; } .frame { position: relative; }
 img { image-rendering: pixelated; display: block; outline: 1px solid #bbb; width: 100%; }
 .mark { position: absolute; outline: 2px solid #111; box-shadow: 0 0 0 4px #fff; pointer-events: none; }
+@media (min-width: 1000px) { .row > figure { max-width: calc(50% - .5em); } }
 .swap img { cursor: pointer; }
 table { border-collapse: collapse; margin-top: 1em; } td { padding: .1em 1em .1em 0; } code { background: #f2f2f2; }
 """
@@ -64,24 +68,27 @@ def failure_page(failure: Failure) -> str:
     """HTML text of the page."""
     title = f"golden {failure.name}"
     actual = Panel("actual", "", srgb8(failure.actual))
-    figures, numbers, details = [_figure(actual)], "", ""
+    figures, numbers, details, causes = [_figure(actual)], "", "", ""
     if failure.golden is not None:
         both = [Panel("expected", "", srgb8(failure.golden.rgb)), actual]
         figures = [_figure(panel) for panel in both]
         if failure.verdict is not None:
             maps, marks = _maps(failure.actual, failure.golden, failure.verdict.comparison)
-            figures = [f'<div class="row swap">{"".join(_figure(panel, marks) for panel in both)}</div>']
-            figures += [_figure(panel, marks) for panel in maps]
+            outer = [mark for k, mark in enumerate(marks) if not any(each.contains(mark) for each in marks[:k])]
+            figures = [f'<div class="row swap">{"".join(_figure(panel, outer) for panel in both)}</div>']
+            figures += [_figure(panel, outer) for panel in maps]
             details = _details([*both, maps[0]], marks, failure.actual - failure.golden.rgb)
             hint = "<p><small>Click and hold the expected or actual image to compare.</small></p>"
-            numbers = hint + _table(failure.verdict)
+            numbers = hint + _table(failure.verdict, failure.actual, failure.golden.rgb)
+            found = likely_causes(failure.actual, failure.golden.rgb)
+            causes = f'<p class="cause">Likely cause: {escape("; or ".join(found))}.</p>' if found else ""
     command = f"<p>If the actual image is correct, accept it: <code>{escape(failure.location.command)}</code></p>"
     lines = [
         "<!doctype html>",
         '<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">',
         f"<title>{escape(title)}</title><style>{STYLE}</style></head>",
         f"<body><h1>{escape(title)}</h1><p><code>{escape(failure.location.test)}</code></p>",
-        f'<p class="why">{escape(failure.why)}</p><div class="row">',
+        f'<p class="why">{escape(failure.why)}</p>{causes}<div class="row">',
         *figures,
         f"</div>{details}{command}{numbers}</body><script>{SCRIPT}</script></html>",
     ]
@@ -139,7 +146,7 @@ def _maps(actual: NDArray[np.float64], golden: GoldenImage, comparison: Comparis
     least = min(float(similarity.min()), 0.999)
     grey = np.clip((similarity - least) / (1 - least), 0, 1)[..., None] * np.ones(3)
     maps = [
-        _signed("difference", difference, difference_scale(difference, golden.rgb), "(worst channel)", finite),
+        _signed("difference", difference, _scale(difference, golden.rgb, comparison), "(worst channel)", finite),
         Panel("SSIM", f"black {least:.3g}, white 1", (255 * grey + 0.5).astype(np.uint8)),
     ]
     worst = difference
@@ -147,7 +154,18 @@ def _maps(actual: NDArray[np.float64], golden: GoldenImage, comparison: Comparis
         noise = noise_of(golden.rgb, golden.stderr, golden.pictures)
         worst = in_deviations((shown - golden.rgb) @ LUMINANCE, noise)
         maps.append(_signed("difference in standard deviations", worst, 5.0, "deviations", finite))
+    if flip.available():
+        seen = flip.flip_map(shown, golden.rgb)
+        top = float(seen.max()) or 1.0
+        grey = np.clip(1 - seen / top, 0, 1)[..., None] * np.ones(3)
+        maps.append(Panel("FLIP", f"white 0, black {top:.3g}", (255 * grey + 0.5).astype(np.uint8)))
     return maps, find(worst, finite, comparison)
+
+
+def _scale(difference: NDArray[np.float64], expected: NDArray[np.float64], comparison: Comparison) -> float:
+    """Largest value of the colour scale: the worst tile has about its full colour, and a smaller rest is paler."""
+    tile = Spot("", *comparison.worst_tile_at, TILE, TILE).pixels
+    return max(difference_scale(difference, expected), float(np.abs(difference[tile]).mean()))
 
 
 def _signed(title: str, values: NDArray[np.float64], top: float, unit: str, finite: NDArray[np.bool_]) -> Panel:
@@ -160,8 +178,11 @@ def _signed(title: str, values: NDArray[np.float64], top: float, unit: str, fini
     return Panel(title, note + ("" if finite.all() else "; magenta: not finite"), rgb8)
 
 
-def _table(verdict: Verdict) -> str:
-    c = verdict.comparison
+def _table(verdict: Verdict, actual: NDArray[np.float64], expected: NDArray[np.float64]) -> str:
+    c, finite = verdict.comparison, np.isfinite(actual).all(axis=2, keepdims=True)
+    flips, shown = f"not measured; {flip.INSTALL}", np.where(finite, actual, expected)
+    if flip.available():
+        flips = f"{flip.flip(shown, expected):.3g}, {flip.hdr_flip(shown, expected):.3g}"
     rows = {
         "SSIM": f"{c.ssim:.6g}",
         "relative bias of red, green, blue": ", ".join(f"{value:+.3g}" for value in c.relative_bias),
@@ -169,6 +190,8 @@ def _table(verdict: Verdict) -> str:
         "share of outliers": f"{c.outliers:.3g}",
         "RMSE, linear": f"{c.rmse:.3g}",
         "RMSE, sRGB": f"{c.rmse_srgb:.3g}",
+        "mean relative squared error": f"{c.mrse:.3g}",
+        "FLIP, HDR-FLIP": flips,
         "pixels that are not finite": str(c.non_finite),
     }
     if verdict.rejected is not None:

@@ -1,13 +1,16 @@
 """Convert images of any type to linear light."""
 
 import os
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.errors import FileError, SceneError, printable
 from raytrace.golden.pillow import is_pillow, to_codes
 from raytrace.image.files import load, srgb_decode
+from raytrace.image.texels import ENCODED, read_texels, srgb_table
 
 Encoding = Literal["linear", "srgb"] | None
 __tracebackhide__ = True  # as in check.py
@@ -19,9 +22,9 @@ def to_light(image: Any, encoding: Encoding = None) -> NDArray[np.float64]:
     Parameters
     ----------
     image : Render, path, or array
-        Paths end in .png, .exr or .npz. Arrays are (h, w), (h, w, 1), (h, w, 3) or (h, w, 4) with an alpha of 1, or
-        anything that ``numpy.asarray`` converts to one. Pillow images are converted to RGB in sRGB codes; in mode F
-        the values are floats, and the encoding must be given.
+        Paths end in .png, .jpg, .jpeg, .exr or .npz; a PNG has 8 or 16 bits per channel. Arrays are (h, w), (h, w, 1),
+        (h, w, 3) or (h, w, 4) with an alpha of 1, or anything that ``numpy.asarray`` converts to one. Pillow images are
+        converted to RGB in sRGB codes; in mode F the values are floats, and the encoding must be given.
     encoding : {"linear", "srgb"}, optional
         Meaning of the values of an array. Default: floats are linear light, uint8 are sRGB codes 0 .. 255. For
         floats, "srgb" means codes 0 .. 1; for uint8, "linear" means 255 times linear light.
@@ -38,7 +41,7 @@ def to_light(image: Any, encoding: Encoding = None) -> NDArray[np.float64]:
     if isinstance(image, str | os.PathLike):
         if encoding is not None:
             raise ValueError(f"encoding: {image}: a file defines its own encoding; omit the argument")
-        return load(image).rgb.astype(np.float64)
+        return _of_file(Path(image))
     array = to_codes(image, encoding is not None) if is_pillow(image) else np.asarray(getattr(image, "rgb", image))
     if array.dtype.kind == "f":
         light = array.astype(np.float64)
@@ -46,6 +49,31 @@ def to_light(image: Any, encoding: Encoding = None) -> NDArray[np.float64]:
     if array.dtype == np.uint8:
         return _colour(array / 255.0 if encoding == "linear" else srgb_decode(array / 255.0), array, 255)
     raise ValueError(f"image: expected floats or uint8, got {array.dtype.name}: convert it, and pass its encoding")
+
+
+def _of_file(path: Path) -> NDArray[np.float64]:
+    """Linear light of a file."""
+    suffix = path.suffix.lower()
+    if suffix not in (".jpg", ".jpeg") and not (suffix == ".png" and _sixteen_bits(path)):
+        return load(path).rgb.astype(np.float64)
+    try:
+        texels = read_texels(path, srgb=True)
+    except SceneError as error:
+        raise FileError(str(error).replace(f", {ENCODED}", "")) from None
+    if texels.warning:
+        raise FileError(f"{printable(path)}: has an alpha below 1: put it on a background first")
+    light: NDArray[np.float64] = srgb_table(8 * texels.codes.dtype.itemsize)[texels.codes]
+    return light
+
+
+def _sixteen_bits(path: Path) -> bool:
+    """Whether a PNG has 16 bits per channel; False for what is no PNG."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(25)
+    except OSError:
+        return False  # the reader says why
+    return head[:4] == b"\x89PNG" and head[24:] == b"\x10"
 
 
 def _colour(light: NDArray[np.float64], given: NDArray[Any], opaque: float) -> NDArray[np.float64]:

@@ -17,8 +17,9 @@ GATES = {  # ini option -> description of the limit
     "golden_max_outliers": "largest share of pixels with a visible difference",
     "golden_alpha": "probability that the z-test rejects a correct noisy image",
     "golden_max_rejected": "largest share of pixels that may fail the z-test",
+    "golden_max_flip": "largest mean FLIP; needs flip-evaluator",
 }
-WRITTEN = "golden written"  # property of a test's report, which pytest-xdist transfers
+WRITTEN, FAILED = "golden written", "golden failed"  # properties of a test's report, which pytest-xdist transfers
 
 
 def _other_plugin(manager: pytest.PytestPluginManager) -> bool:
@@ -66,16 +67,30 @@ def raytrace_golden(request: pytest.FixtureRequest) -> Iterator["Golden"]:
     golden = Golden(location, gates, bool(config.getoption("update_goldens")))
     yield golden
     request.node.user_properties += [(WRITTEN, location.short(path)) for path in golden.written]
+    request.node.user_properties += [(FAILED, location.short(path)) for path in golden.failed]
 
 
-def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """List the golden images that were written, so that they can be reviewed."""
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    """List the golden images that were written, so that they can be reviewed; and write a page of several failures."""
     reports = [report for kind in terminalreporter.stats.values() for report in kind]
-    found = {path for report in reports for name, path in getattr(report, "user_properties", ()) if name == WRITTEN}
-    if found:
+    properties = {item for report in reports for item in getattr(report, "user_properties", ())}
+    if found := sorted(path for name, path in properties if name == WRITTEN):
         terminalreporter.section("golden images written")
-        for path in sorted(found):
+        for path in found:
             terminalreporter.line(f"{path} and .png")
+    failures = config.rootpath / str(config.getini("golden_failures"))
+    pages = sorted(config.invocation_params.dir / path for name, path in properties if name == FAILED)
+    if len(pages) < 2 and failures.is_dir():
+        from raytrace.golden.index_page import remove_index
+
+        remove_index(failures)
+    elif len(pages) > 1:
+        from raytrace.golden.index_page import write_index
+        from raytrace.golden.locations import relative
+
+        index = relative(write_index(failures, pages), config.invocation_params.dir)
+        terminalreporter.section("golden images that differ")
+        terminalreporter.line(f"{len(pages)} failures, all in {index}")
 
 
 class _ShortName:

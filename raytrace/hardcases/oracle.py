@@ -200,6 +200,11 @@ class Oracle:
         side = dot(columns(self._normal[self.group[prim]]), columns(self._w[ray]))
         return np.sign(side).astype(np.int64)
 
+    def ahead(self, ray: Index, prim: Index) -> NDArray[np.int64]:
+        """Sign of t per pair that crosses: 1: beyond the origin; 0: at it; also where t itself underflows."""
+        above = dot(columns(self._normal[self.group[prim]]), columns(self._v[self.group[prim], 0] - self._p[ray]))
+        return np.sign(above).astype(np.int64) * self.facing(ray, prim)
+
     def has_area(self, prim: Index) -> NDArray[np.bool_]:
         """Whether each triangle has an area, decided exactly."""
         return np.asarray((self._normal[self.group[prim]] != 0).any(axis=1), bool)

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace.errors import RaytraceError
+from raytrace.image import flip as flip_metric
 from raytrace.image.files import LUMINANCE, load, srgb_encode
 
 RELATIVE_EPS = 0.01  # radiance^2, keeps black pixels finite in relative_mse: the eps of [Gharbi2019], there with a half
+MRSE_OFFSET = 0.01  # radiance, keeps black pixels finite in mrse: that of pbrt-v4's imgtool   [Pharr2023]
 TILE = 8  # pixels: side of a tile of worst_tile
 OUTLIER = (
     0.05  # smallest difference of an outlier, relative to the pixel plus the mean: visible, and more than rounding
@@ -37,6 +39,9 @@ class Comparison(NamedTuple):
     worst_tile_at: tuple[int, int]  # row and column of the first pixel of that tile
     outliers: float  # share of pixels with |a - b| > OUTLIER (|b| + L) in any channel
     non_finite: int  # pixels with NaN or inf in a or in b
+    mrse: float  # mean relative squared error: sum((a - b)^2 / (|b| + MRSE_OFFSET)^2) / n
+    flip: float | None = None  # mean LDR-FLIP, 0..1, of the sRGB codes clipped to 0..1; None: not measured
+    hdr_flip: float | None = None  # mean HDR-FLIP, 0..1, of the light from 0 on; None: not measured
 
 
 class Limits(NamedTuple):
@@ -49,16 +54,22 @@ class Limits(NamedTuple):
     max_outliers: float | None = None
     max_rmse_srgb: float | None = None
     max_relative_mse: float | None = None
+    max_mrse: float | None = None
+    max_flip: float | None = None
+    max_hdr_flip: float | None = None
 
 
 @np.errstate(over="ignore", invalid="ignore")  # squares of large numbers become inf
-def compare(image: Any, reference: Any) -> Comparison:
+def compare(image: Any, reference: Any, *, flip: bool | None = None) -> Comparison:
     """Compare an image with a reference.
 
     Parameters
     ----------
     image, reference : (h, w, 3) array of float, object with ``.rgb``, or path of an image
         Linear radiance, equal size.
+    flip : bool, optional
+        Whether to measure FLIP and HDR-FLIP [Andersson2020] [Andersson2021], which takes longer than all other numbers.
+        Default: if flip-evaluator is installed.
 
     Returns
     -------
@@ -73,6 +84,8 @@ def compare(image: Any, reference: Any) -> Comparison:
         A file can't be read.
     RaytraceError
         scikit-image isn't installed.
+    OptionError
+        ``flip`` is true, and flip-evaluator isn't installed.
 
     Examples
     --------
@@ -86,17 +99,20 @@ def compare(image: Any, reference: Any) -> Comparison:
         raise ValueError(
             f"images of different size: {a.shape[1]}x{a.shape[0]} against a reference of {b.shape[1]}x{b.shape[0]}"
         )
+    if flip:
+        flip_metric.required("flip")
     finite: NDArray[np.bool_] = np.all(np.isfinite(a) & np.isfinite(b), axis=2)
     count = int(finite.sum())
     if count == 0:
         nan = math.nan
-        return Comparison(nan, nan, nan, (nan,) * 3, (nan,) * 3, nan, nan, (0, 0), nan, finite.size)
+        return Comparison(nan, nan, nan, (nan,) * 3, (nan,) * 3, nan, nan, (0, 0), nan, finite.size, nan)
     a, b = np.where(finite[:, :, None], a, 0.0), np.where(finite[:, :, None], b, 0.0)
     difference = a - b
     mean = b.sum(axis=(0, 1)) / count
     level = level_of(b, count)
     bias = difference.sum(axis=(0, 1)) / count
     tile, tile_at = worst_tile(difference)
+    flips = flip_metric.available() if flip is None else flip
     far = (np.abs(difference) > OUTLIER * (np.abs(b) + level)).any(axis=2)
     return Comparison(
         rmse=math.sqrt((difference**2).sum() / (3 * count)),
@@ -109,6 +125,9 @@ def compare(image: Any, reference: Any) -> Comparison:
         worst_tile_at=tile_at,
         outliers=float(far.sum() / count),
         non_finite=finite.size - count,
+        mrse=float((difference**2 / (np.abs(b) + MRSE_OFFSET) ** 2).sum() / (3 * count)),
+        flip=flip_metric.flip(a, b) if flips else None,
+        hdr_flip=flip_metric.hdr_flip(a, b) if flips else None,
     )
 
 
@@ -129,6 +148,9 @@ def violations(comparison: Comparison, limits: Limits) -> list[str]:
         ("relative bias of blue", abs(c.relative_bias[2]), limits.max_bias),
         (f"worst tile, at row {c.worst_tile_at[0]}, column {c.worst_tile_at[1]},", c.worst_tile, limits.max_worst_tile),
         ("share of outliers", c.outliers, limits.max_outliers),
+        ("mrse", c.mrse, limits.max_mrse),
+        ("flip", math.nan if c.flip is None else c.flip, limits.max_flip),
+        ("hdr_flip", math.nan if c.hdr_flip is None else c.hdr_flip, limits.max_hdr_flip),
     )
     lines = [f"pixels that are not finite: {c.non_finite}"] if c.non_finite else []
     # `not <=`: NaN violates a limit

@@ -21,11 +21,12 @@ from numba.core.registry import cpu_target
 from numba.extending import overload
 
 from raytrace import jit
-from raytrace.accel import lanes_jit  # noqa: F401  (registers the SIMD lanes with Numba)
+from raytrace.accel import lanes_block_jit, lanes_jit  # noqa: F401  (they register the SIMD lanes with Numba)
 from raytrace.native import processor
+from raytrace.native.c_entry import CEntry, flat
 from raytrace.native.entry import Entry, check_layout, numba_type
 from raytrace.native.fallback import Unavailable
-from raytrace.native.link import SYMBOL, Code
+from raytrace.native.link import C_SYMBOL, SYMBOL, Code
 from raytrace.native.signatures import Kind
 from raytrace.native.symbols import stand_in, unknown
 
@@ -97,8 +98,8 @@ def checked() -> Iterator[list[str]]:
 
 
 @global_compiler_lock
-def compile_kernel(function: Callable[..., Any], kinds: tuple[Kind, ...]) -> Code:
-    """Object code of a kernel for arguments of these kinds.
+def compile_kernel(function: Callable[..., Any], kinds: tuple[Kind, ...], c_entry: bool = False) -> Code:
+    """Object code of a kernel for arguments of these kinds, with a C entry beside the usual one if asked for.
 
     Raises
     ------
@@ -116,6 +117,8 @@ def compile_kernel(function: Callable[..., Any], kinds: tuple[Kind, ...]) -> Cod
         library = compiled.library
         module = library.create_ir_module(SYMBOL)
         Entry(context, module, SYMBOL).write(compiled.fndesc, kinds)
+        if c_entry and flat(kinds):
+            CEntry(context, module, C_SYMBOL).write(compiled.fndesc, kinds)
         library.add_ir_module(module)
         library.enable_object_caching()
         library.finalize()

@@ -10,7 +10,7 @@ import llvmlite.binding as llvm
 from raytrace.native.fallback import Unavailable
 from raytrace.native.symbols import unknown
 
-SYMBOL = "raytrace_entry"
+SYMBOL, C_SYMBOL = "raytrace_entry", "raytrace_c_entry"
 METH_FASTCALL = 0x80  # Python's calling convention: self, array of arguments, their number
 
 
@@ -40,7 +40,8 @@ class _Method(ctypes.Structure):
 
 _prototype = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.POINTER(_Method), ctypes.py_object)
 _new_function = _prototype(("PyCFunction_New", ctypes.pythonapi))
-_kept: list[Any] = []  # machine code stays loaded as long as the process lives
+_kept: list[Any] = []  # what is bound lives as long as the process
+_engines: dict[int, llvm.ExecutionEngine] = {}  # by the address of the entry: machine code stays loaded as well
 
 
 def _engine() -> llvm.ExecutionEngine:
@@ -73,8 +74,14 @@ def link(code: Code) -> int:
     engine = _engine()
     engine.add_object_file(llvm.ObjectFileRef.from_data(code.data))
     engine.finalize_object()
-    _kept.append(engine)
-    return engine.get_function_address(SYMBOL)
+    address = engine.get_function_address(SYMBOL)
+    _engines[address] = engine
+    return address
+
+
+def c_address(address: int) -> int:
+    """Return the address of the C entry of machine code that has one, from that of its entry."""
+    return _engines[address].get_function_address(C_SYMBOL)
 
 
 def bind(name: str, address: int, types: Iterable[type]) -> Callable[..., Any]:

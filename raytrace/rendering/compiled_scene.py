@@ -10,6 +10,7 @@ from raytrace.accel.bvh import BVH
 from raytrace.memory import Trees, check_tree
 from raytrace.passes.light import triangles_at
 from raytrace.records import REFRACTIVE, Scene, Shading
+from raytrace.scene.other_camera import base_of
 from raytrace.scene.path_plan import needs_paths
 from raytrace.scene.plan import Plan, make_plan
 
@@ -36,9 +37,15 @@ _compiled: WeakKeyDictionary[Scene, dict[str, CompiledScene]] = WeakKeyDictionar
 
 
 def compiled_of(scene: Scene, plan: Plan, precision: str) -> CompiledScene:
-    """Return the compiled scene in a precision; it is built at the first call."""
-    by_precision = _compiled.setdefault(scene, {})
-    if precision not in by_precision:
+    """Return the compiled scene in a precision; it is built at the first call, for all cameras of a scene."""
+    by_precision, base = _compiled.setdefault(scene, {}), base_of(scene)
+    if precision not in by_precision and base is not scene:
+        compiled = compiled_of(base, plan_of(base), precision)
+        if needs_paths(base, "direct") and not needs_paths(scene, "direct"):  # the base has a lens, and no such trees
+            positions = scene.lights.position.astype(precision)
+            compiled = compiled._replace(shadow_bvhs=_shadow_bvhs(scene, compiled.bvh, positions))
+        by_precision[precision] = compiled._replace(plan=plan)
+    elif precision not in by_precision:
         by_precision[precision] = compile_scene(scene, plan, precision)
     return by_precision[precision]
 
@@ -50,7 +57,7 @@ def set_compiled(scene: Scene, compiled: CompiledScene) -> None:
 
 def is_compiled(scene: Scene, precision: str) -> bool:
     """Whether a scene is compiled in a precision."""
-    return precision in _compiled.get(scene, {})
+    return precision in _compiled.get(base_of(scene), {})
 
 
 def plan_of(scene: Scene) -> Plan:
@@ -64,12 +71,13 @@ def paths_of(scene: Scene, compiled: CompiledScene, integrator: str) -> "PathSce
     """Return the tables of path tracing for a compiled scene; None where it does not need them."""
     if not needs_paths(scene, integrator):
         return None
-    from raytrace.rendering.path_scene import make_path_scene
+    from raytrace.rendering.path_scene import lens_of, make_path_scene
 
-    known, key = _paths.setdefault(scene, {}), (compiled.bvh.precision, integrator)
+    base = base_of(scene)
+    known, key = _paths.setdefault(base, {}), (compiled.bvh.precision, integrator)
     if key not in known:
-        known[key] = make_path_scene(scene, compiled.bvh, integrator)
-    return known[key]
+        known[key] = make_path_scene(base, compiled.bvh, integrator)
+    return known[key] if base is scene else known[key]._replace(lens=lens_of(scene, key[0]))
 
 
 def trees_of(scene: Scene, plan: Plan, precision: str, paths: bool = False) -> Trees:

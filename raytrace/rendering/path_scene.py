@@ -90,10 +90,15 @@ def make_path_scene(scene: Scene, bvh: BVH, integrator: str) -> PathScene:
         environment,
         image,
         scene.background.astype(dtype) if scene.background.any() else None,
-        make_lens(scene.camera, scene.settings.filter, dtype) if needs_lens(scene) else None,
+        lens_of(scene, dtype),
         textures if textures is not None and (textures.reflectance >= 0).any() else None,
         textures if textures is not None and (textures.emission >= 0).any() else None,
     )
+
+
+def lens_of(scene: Scene, dtype: Any) -> Lens | None:
+    """Lens and filter of a scene; None where it has a pinhole and a box filter."""
+    return make_lens(scene.camera, scene.settings.filter, dtype) if needs_lens(scene) else None
 
 
 def make_surfaces(scene: Scene, table: LightTable | None, dtype: np.dtype) -> Surfaces:

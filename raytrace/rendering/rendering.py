@@ -12,7 +12,7 @@ from raytrace.errors import OptionError
 from raytrace.limits import LAYERS, LIGHT_LAYERS, MAX_PIXELS, MAX_SEED, MAX_SIDE, MAX_SPP
 from raytrace.memory import RenderSize, check_render
 from raytrace.passes.film import BINS
-from raytrace.records import Scene, Settings, Window
+from raytrace.records import Camera, Scene, Settings, Window
 from raytrace.rendering import adaptive
 from raytrace.rendering.checkpoint import Checkpoint
 from raytrace.rendering.compiled_scene import plan_of, trees_of
@@ -22,7 +22,9 @@ from raytrace.rendering.result import Render
 from raytrace.rendering.run import Run
 from raytrace.rendering.wavefront import BATCH
 from raytrace.scene.load import load
+from raytrace.scene.other_camera import in_view, with_camera
 from raytrace.scene.path_plan import needs_paths
+from raytrace.scene.sources import Source
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def render(
-    scene: Scene | str | Path | dict[str, Any],
+    scene: Scene | Source,
     spp: int | None = None,
     size: tuple[int, int] | None = None,
     seed: int | None = None,
@@ -39,6 +41,7 @@ def render(
     sampler: str | None = None,
     *,
     integrator: str | None = None,
+    camera: dict[str, Any] | Camera | None = None,
     threads: int | None = None,
     progress: Callable[[Progress], None] | Literal[False] | None = None,
     aov: Sequence[str] = (),
@@ -53,13 +56,17 @@ def render(
 
     Parameters
     ----------
-    scene : Scene, str, Path or dict
-        A loaded scene, the path of a scene file, or the content of one.
+    scene : Scene, str, Path, dict or mesh
+        A loaded scene; or what ``load`` accepts: a scene file, its content, a mesh, or a mesh file.
     spp, size, seed, precision, sampler : optional
         Samples per pixel; image size (width, height) in pixels; random seed, 0 .. 2**32 - 1; "auto", "float32" or
         "float64"; "sobol", "stratified" or "independent". Default: the scene's settings.
     integrator : {"direct", "path"}, optional
         Light that comes straight from the lights, or all the light. Default: what the scene says.
+    camera : dict or Camera, optional
+        Another camera, as ``camera`` in a scene file, or one like ``scene.camera``: for turntables. A loaded scene
+        keeps its trees from one camera to the next. ``fov`` is vertical: another ``size`` shows more or less at the
+        sides.
     threads : int, optional
         Number of threads. Default: one per core that the process may use. The image is bit-identical for any number.
     progress : callable or False, optional
@@ -92,7 +99,8 @@ def render(
     Raises
     ------
     SceneError, FileError
-        As ``load`` does; and FileError for a checkpoint of another image, or one that can't be written.
+        As ``load`` does; SceneError for a wrong ``camera``; and FileError for a checkpoint of another image, or one
+        that can't be written.
     OptionError
         An option has a value that is not allowed; the cluster is gone, or none of its workers can be used.
 
@@ -107,6 +115,13 @@ def render(
     >>> image = rt.render("scenes/cornell-box.json", spp=4, size=(32, 32))
     >>> image.rgb.shape, image.complete
     ((32, 32, 3), True)
+
+    Two images of a turntable:
+
+    >>> scene = rt.load("scenes/cornell-box.json")
+    >>> for x in (-0.5, 0.5):
+    ...     camera = {"position": [x, 1, 6.8], "look_at": [0, 1, 0], "fov": 19.5}
+    ...     image = rt.render(scene, spp=1, size=(32, 32), camera=camera)
     """
     if not isinstance(scene, Scene):
         scene = load(scene, max_memory=max_memory)
@@ -117,6 +132,7 @@ def render(
     layers, limit, count = layers_of(aov), seconds_of(time_limit), parallel.thread_count(threads)
     if "uv" in layers:
         scene.corner_uv  # noqa: B018 - may read files: what is wrong with them is an error now, not after the render
+    scene = in_view(scene, settings.size) if camera is None else with_camera(scene, camera)
     plan = plan_of(scene)
     precision = plan.precision.name if settings.precision == "auto" else settings.precision
     if plan.refraction:
@@ -180,7 +196,8 @@ def within(name: str, value: Any, low: int, high: int) -> int:
     return number
 
 
-def _size_of(value: Any) -> tuple[int, int]:
+def size_of(value: Any) -> tuple[int, int]:
+    """Return the size (width, height) of an image, if it is within the limits."""
     if not isinstance(value, Sequence | np.ndarray) or len(value) != 2:
         raise OptionError(f"size: expected (width, height), got {value!r}")
     width, height = _integer("size", value[0]), _integer("size", value[1])
@@ -210,7 +227,7 @@ def override(
     return settings._replace(
         spp=within("spp", settings.spp, 1, MAX_SPP),
         seed=within("seed", settings.seed, 0, MAX_SEED),
-        size=_size_of(settings.size),
+        size=size_of(settings.size),
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.image import flip
 from raytrace.image.files import srgb8
 from raytrace.image.metrics import Comparison, compare, screen
 from raytrace.limits import MAX_SEED
@@ -33,6 +34,7 @@ class _Task:
         self.whole: list[float] = []  # s: including the comparison
         self.errors: list[Comparison] = []
         self.rays, self.spp = 0, 0.0
+        self.flip: float | None = None
 
     def point(self) -> Point:
         """Combine the repetitions."""
@@ -51,6 +53,8 @@ class _Task:
             bias=(float(bias[0]), float(bias[1]), float(bias[2])),
             worst_tile=max(e.worst_tile for e in self.errors),
             ssim=float(np.mean([e.ssim for e in self.errors])),
+            mrse=float(np.mean([e.mrse for e in self.errors])),
+            flip=self.flip,
         )
 
 
@@ -180,10 +184,11 @@ class Sweep:
         compiling = float(image.stats["compile_seconds"])  # of a kernel that no first image needed
         self.end += compiling
         task.times.append(time.perf_counter() - began - compiling)
-        task.errors.append(compare(image, self.reference.rgb))
+        task.errors.append(compare(image, self.reference.rgb, flip=False))
         task.rays = sum(image.stats["rays"].values())
         task.spp = image.stats["samples"] / image.stderr.size
         if number == 0:
+            task.flip = flip.flip(image.rgb, self.reference.rgb) if flip.available() else None
             self._show(task, image)
             self._pair(task, image)
         task.whole.append(time.perf_counter() - began - compiling)

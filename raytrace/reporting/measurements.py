@@ -23,6 +23,8 @@ class Point(NamedTuple):
     bias: tuple[float, float, float]
     worst_tile: float  # the largest of all repetitions
     ssim: float
+    mrse: float = float("nan")
+    flip: float | None = None  # of the first repetition; None: not measured
 
     @property
     def seconds(self) -> float:

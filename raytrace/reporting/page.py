@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.reporting.plots import heat
-from raytrace.reporting.sweep_table import HEADER, LEGEND, cells, order_text
+from raytrace.reporting.sweep_table import cells, has_flip, header, legend, order_text
 
 STYLE = """
 body { font: 20px/1.45 system-ui, sans-serif; margin: 0 auto; max-width: 1500px; padding: 1.2em; color: #111; }
@@ -115,12 +115,12 @@ def _slider(report: Any) -> str:
 
 
 def _table(report: Any) -> str:
-    rows = ["<tr>" + "".join(f"<th>{escape(name)}</th>" for name in HEADER) + "</tr>"]
+    rows = ["<tr>" + "".join(f"<th>{escape(name)}</th>" for name in header(report.points)) + "</tr>"]
     for point, front in zip(report.points, report.front, strict=True):
-        row = "".join(f"<td>{escape(cell)}</td>" for cell in cells(point, front))
+        row = "".join(f"<td>{escape(cell)}</td>" for cell in cells(point, front, has_flip(report.points)))
         rows.append(f'<tr class="front">{row}</tr>' if front else f"<tr>{row}</tr>")
-    legend = escape(LEGEND)
-    return f'<h2>All numbers</h2><div class="wide"><table>{"".join(rows)}</table></div><p class="quiet">{legend}</p>'
+    below = escape(legend(report.points))
+    return f'<h2>All numbers</h2><div class="wide"><table>{"".join(rows)}</table></div><p class="quiet">{below}</p>'
 
 
 def _notes(report: Any) -> str:

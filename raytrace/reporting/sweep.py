@@ -26,6 +26,7 @@ from raytrace.reporting.plots import check_matplotlib, make_plots
 from raytrace.reporting.reference import Reference, make_reference, read_reference
 from raytrace.reporting.sweep_table import as_json, text
 from raytrace.scene.load import load
+from raytrace.scene.sources import Source
 
 MACHINE = "system", "numpy", "numba", "llvmlite", "cores", "processor", "lanes"  # facts that affect the speed
 PARTS = 1000  # steps of the reported progress
@@ -94,7 +95,7 @@ class Report:
 
 
 def report(
-    scene: Scene | str | Path | dict[str, Any],
+    scene: Scene | Source,
     folder: str | Path,
     *,
     reference: str | Path | None = None,
@@ -106,8 +107,8 @@ def report(
 
     Parameters
     ----------
-    scene : Scene, str, Path or dict
-        A loaded scene, a scene file, or its content.
+    scene : Scene, str, Path, dict or mesh
+        A loaded scene, or what ``load`` accepts.
     folder : str or Path
         Created if missing; ``report.json``, ``report.html`` and the plots are written there.
     reference : path, optional

@@ -1,21 +1,40 @@
 """Results of a sweep, as text for a terminal and as JSON."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
+from raytrace.image.flip import INSTALL
 from raytrace.reporting.analysis import Order
 from raytrace.reporting.configurations import Configuration
 from raytrace.reporting.measurements import First, Point
 
 SCHEMA = "raytrace.report/1"  # of the JSON file; the number changes when a field changes its meaning or is removed
-HEADER = "", "spp", "s", "Mray/s", "MB", "RMSE", "RMSE sRGB", "rel. MSE", "bias", "8x8 tile", "SSIM", "efficiency", ""
+HEADER = "", "spp", "s", "Mray/s", "MB", "RMSE", "RMSE sRGB", "rel. MSE", "MRSE", "bias", "8x8 tile", "SSIM"
+HEADER_END = "efficiency", ""
 LEGEND = """\
 RMSE: in linear light; RMSE sRGB: of sRGB codes, 0 to 1; bias: of the worst channel; 8x8 tile: the worst, relative;
+MRSE: squared error relative to (value + 0.01)^2; FLIP: mean, as shown on a screen;
 efficiency: 1 / (MSE of sRGB codes x s); *: Pareto front, no other point is faster and as accurate."""
 
 
-def cells(point: Point, front: bool) -> list[str]:
-    """Cells of one row of the table."""
+def has_flip(points: Sequence[Point]) -> bool:
+    """Whether the table has a column of FLIP: all points have one."""
+    return all(point.flip is not None for point in points)
+
+
+def header(points: Sequence[Point]) -> list[str]:
+    """Titles of the columns."""
+    return [*HEADER, *(["FLIP"] if has_flip(points) else []), *HEADER_END]
+
+
+def legend(points: Sequence[Point]) -> str:
+    """What the columns are, and what to install for one that is missing."""
+    return LEGEND if has_flip(points) else f"{LEGEND}\nFLIP: not measured, it needs flip-evaluator: {INSTALL}"
+
+
+def cells(point: Point, front: bool, flips: bool) -> list[str]:
+    """Cells of one row of the table, with or without FLIP."""
     bias = max(point.bias, key=abs)
     return [
         point.configuration.name,
@@ -26,9 +45,11 @@ def cells(point: Point, front: bool) -> list[str]:
         f"{point.rmse:.2e}",
         f"{point.rmse_srgb:.2e}",
         f"{point.relative_mse:.1e}",
+        f"{point.mrse:.1e}",
         f"{bias:+.1e}",
         f"{point.worst_tile:.1e}",
         f"{point.ssim:.5f}",
+        *([f"{point.flip:.4f}"] if flips else []),
         f"{point.efficiency:.2e}",
         "*" if front else "",
     ]
@@ -52,10 +73,11 @@ def order_text(order: Order) -> str:
 
 def text(report: Any) -> str:
     """Text of a ``Report``: table, orders, what was not measured, and advice."""
-    rows = [list(HEADER[1:])]
-    rows += [cells(point, front)[1:] for point, front in zip(report.points, report.front, strict=True)]
-    header, *lines = lay_out(rows).splitlines()
-    table = [header]
+    flips = has_flip(report.points)
+    rows = [header(report.points)[1:]]
+    rows += [cells(point, front, flips)[1:] for point, front in zip(report.points, report.front, strict=True)]
+    first, *lines = lay_out(rows).splitlines()
+    table = [first]
     for k, (point, line) in enumerate(zip(report.points, lines, strict=True)):
         if k == 0 or point.configuration != report.points[k - 1].configuration:
             table.append(point.configuration.name)
@@ -63,7 +85,7 @@ def text(report: Any) -> str:
     orders = [[order.configuration.name, order_text(order)] for order in report.orders]
     firsts = [[first.configuration.name, f"{first.seconds:.2f} s, {first.compile_seconds:.2f} s of this is compilation"]
               for first in report.firsts]  # fmt: skip
-    parts = ["\n".join(table), LEGEND, report.reference_text]
+    parts = ["\n".join(table), legend(report.points), report.reference_text]
     parts += [_list("order of convergence of the RMSE (sRGB)", orders), _list("first image", firsts)]
     parts.append(_list("not measured", [list(row) for row in report.left_out]))
     parts.append("\n".join(report.advice))

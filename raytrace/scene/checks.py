@@ -49,7 +49,8 @@ def _sine(a: Vector, b: Vector) -> float:
     return math.hypot(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-def _check_camera(camera: Any) -> Iterator[Problem]:
+def check_camera(camera: Any) -> Iterator[Problem]:
+    """Find keys of a camera that contradict each other."""
     position, look_at = _vector(camera, "position"), _vector(camera, "look_at")
     up = _vector(camera, "up", [0.0, 1.0, 0.0])
     if up is not None and not any(up):
@@ -104,7 +105,7 @@ def check(data: dict[str, Any]) -> list[Problem]:
     -------
     list of Problem
     """
-    problems = list(_check_camera(data.get("camera")))
+    problems = list(check_camera(data.get("camera")))
     problems += islice(chain(check_lights(data), check_materials(data), check_textures(data)), MAX_PROBLEMS)
     materials, lights = data.get("materials"), data.get("lights")
     for i, light in enumerate(lights if isinstance(lights, list) else []):

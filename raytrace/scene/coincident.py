@@ -11,6 +11,7 @@ from raytrace.errors import SceneError, SceneWarning
 from raytrace.records import REFRACTIVE, Mesh, Scene
 from raytrace.scene.facets import Facets, Mask, coincident_pairs, make_facets
 from raytrace.scene.neighbours import Objects
+from raytrace.scene.other_camera import base_of
 from raytrace.scene.precision import choose_precision, gamma
 
 OVERLAP_ERRORS = (
@@ -63,7 +64,7 @@ def coincidences(scene: Scene, precision: str) -> tuple[Coincidence, ...]:
     tuple of Coincidence
         In the order of the objects.
     """
-    kept = _found.setdefault(scene, {})
+    kept = _found.setdefault(base_of(scene), {})
     if precision not in kept:
         refractive = scene.materials.kind[scene.mesh.material_id] == REFRACTIVE
         kept[precision] = _search(scene.mesh, refractive, precision) if refractive.any() else ()

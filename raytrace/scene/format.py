@@ -58,7 +58,7 @@ RULES: dict[tuple[str, str], Callable[[Any], Any]] = {  # (title of a model, key
 
 
 class Reading(NamedTuple):
-    """A scene as attributes, or what is wrong with it."""
+    """A scene, or its camera, as attributes, or what is wrong with it."""
 
     scene: SimpleNamespace | None  # numbers as float, lists of fixed length as tuples, defaults filled in
     problems: list[Problem]  # empty if there is a scene; at most ``MAX_PROBLEMS`` + 1
@@ -113,6 +113,16 @@ def read_material(data: dict[str, Any]) -> SimpleNamespace:
     material: SimpleNamespace = reader.read(schema["properties"]["materials"]["additionalProperties"], data, ("",))
     assert not reader.problems, reader.problems[0].text
     return material
+
+
+def read_camera(data: Any) -> Reading:
+    """Read a camera that a program gives, as ``read_format`` reads that of a scene."""
+    schema = _schema()
+    reader = _Reader(schema["$defs"])
+    camera = None
+    with contextlib.suppress(_EnoughError):
+        camera = reader.read(schema["properties"]["camera"], data, ("camera",))
+    return Reading(camera, reader.problems)
 
 
 class _Reader:

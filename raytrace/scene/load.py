@@ -1,8 +1,9 @@
-"""Loads a scene file, or a dict, as a checked ``Scene``; reports all its problems together.
+"""Loads a scene file, a dict or a mesh as a checked ``Scene``; reports all its problems together.
 
 NumPy is not imported before the scene is valid, so that a mistake is reported quickly.
 """
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,23 +11,25 @@ from typing import TYPE_CHECKING, Any
 from raytrace.errors import FileError, SceneError
 from raytrace.scene import checks, positions, rdr
 from raytrace.scene.check_textures import textures_in
-from raytrace.scene.files import Reach, check_root, locate, locate_image
+from raytrace.scene.files import FORMATS, OTHERS, Reach, check_root, format_of, locate, locate_image
 from raytrace.scene.format import read_format
 from raytrace.scene.problems import MAX_PROBLEMS, Problem, file_problem, shape_problem
-from raytrace.scene.text import from_dict, read_file
+from raytrace.scene.sources import Source
+from raytrace.scene.text import Text, from_dict, read_file
 
 if TYPE_CHECKING:
     from raytrace.records import Scene
 
 
-def load(source: str | Path | dict[str, Any], root: str | Path | None = None, max_memory: int | None = None) -> "Scene":
+def load(source: Source, root: str | Path | None = None, max_memory: int | None = None) -> "Scene":
     """Load and check a scene.
 
     Parameters
     ----------
-    source : str, pathlib.Path or dict
+    source : str, pathlib.Path, dict or mesh
         A scene file, or its content. Mesh paths of a dict are relative to the current folder. In a dict, a mesh may
         also be an object with ``vertices`` and ``faces``, such as a ``trimesh.Trimesh``, or a pair of such arrays.
+        Or such a mesh itself, a ``trimesh.Scene``, or the path of a mesh file: what these lack is added (see Notes).
     root : str or pathlib.Path, optional
         One more folder whose files the scene may read. It may always read files below its own folder (for a dict: the
         current folder), and files that a dict names by a ``pathlib.Path``.
@@ -44,6 +47,13 @@ def load(source: str | Path | dict[str, Any], root: str | Path | None = None, ma
     FileError
         The scene can't be read; or it is valid, but a mesh can't be read, or the meshes need too much memory.
 
+    Notes
+    -----
+    A mesh or mesh file without a camera is seen from the diagonal (1, 1, 1) of its bounding sphere, y up, with ``fov``
+    40. Without lights it is in a constant environment of radiance 1. Without materials it is diffuse, albedo 0.7 on
+    both sides. Cameras, lights and materials of a GLB or glTF file, and the camera and the lights that were set in a
+    ``trimesh.Scene``, are used. Where such a material is a metal, the integrator is ``path``.
+
     Examples
     --------
     >>> load("nowhere/box.json")
@@ -59,13 +69,45 @@ def load(source: str | Path | dict[str, Any], root: str | Path | None = None, ma
     ... })
     >>> len(scene.mesh.faces)
     1
+
+    >>> scene = load(triangle)
+    >>> scene.camera.look_at.tolist(), scene.camera.fov
+    ([0.5, 0.5, 0.0], 40.0)
     """
+    if not isinstance(source, str | os.PathLike | dict) or _is_mesh_file(source):
+        from raytrace.scene.mesh_scene import load_mesh
+
+        return load_mesh(source, check_root(root), max_memory)
     if isinstance(source, dict):
         path, text = None, from_dict(source)
     else:
         path = Path(source)
         text = read_file(path)
     reach = Reach(path.parent if path else Path(), check_root(root), text.trusted, max_memory)
+    return read_scene(text, path, reach)
+
+
+def _is_mesh_file(source: str | Path | dict[str, Any]) -> bool:
+    """Return whether something to load is the path of a mesh, and no scene."""
+    return not isinstance(source, dict) and format_of(Path(source)) in FORMATS + OTHERS
+
+
+def read_scene(text: Text, path: Path | None, reach: Reach) -> "Scene":
+    """Read and check a scene.
+
+    Parameters
+    ----------
+    text : Text
+    path : Path or None
+        Its file; None for a dict.
+    reach : Reach
+        The folders that may be read, and the memory that may be used.
+
+    Raises
+    ------
+    SceneError, FileError
+        As ``load`` does.
+    """
     data = text.parse()
     origins: positions.Origins = {}
     problems: list[Problem] = []

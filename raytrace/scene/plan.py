@@ -1,8 +1,6 @@
 """The plan of a scene: which passes run, on what data, in which precision; and what is left out, and why."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -10,6 +8,7 @@ from raytrace.errors import OptionError, printable
 from raytrace.records import REFRACTIVE, Scene
 from raytrace.scene.path_plan import light_words, needs_paths, path_left_out, path_passes
 from raytrace.scene.precision import Precision, choose_precision
+from raytrace.scene.sources import Source
 
 INTEGRATORS = "direct", "path"
 
@@ -140,13 +139,13 @@ def _left_out(refraction: bool, smooth: bool, transparent: bool, lights: int) ->
     return tuple((what, why) for what, why, needed in rows if not needed)
 
 
-def explain(scene: Scene | str | Path | dict[str, Any], integrator: str | None = None) -> Plan:
+def explain(scene: Scene | Source, integrator: str | None = None) -> Plan:
     """Return what rendering a scene needs, what is left out, and why.
 
     Parameters
     ----------
-    scene : Scene, str, Path or dict
-        A loaded scene, a scene file, or its content.
+    scene : Scene, str, Path, dict or mesh
+        A loaded scene, or what ``load`` accepts.
     integrator : {"direct", "path"}, optional
         As for ``render``; default: what the scene says.
 

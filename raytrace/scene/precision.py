@@ -2,12 +2,14 @@
 
 import math
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.errors import SceneError
 from raytrace.records import ROUGH_DIELECTRIC, Mesh, Scene
+from raytrace.scene.other_camera import base_of
 from raytrace.scene.tables import light_number
 
 GAMMA = 27  # roundings of the largest coordinate that bound the error of a point: 3 + 12 x 2 of passes/surface.py
@@ -28,6 +30,19 @@ class Precision(NamedTuple):
     largest: float  # world units: largest coordinate of meshes and camera
     feature: float  # world units: smallest height of a triangle that has an area
     error: float  # world units: bound on the error of a point's position in float32
+
+
+class MeshSizes(NamedTuple):
+    """What the choice of a precision needs to know of a mesh; it does not depend on the camera."""
+
+    largest: float  # world units: largest coordinate
+    feature: float  # world units: smallest height of a triangle that has an area
+    objects: NDArray[np.int32]  # (n,) i4: the objects that have triangles
+    size: NDArray[np.float64]  # (n,) f8, world units: longest side of the box of each
+    far: NDArray[np.float64]  # (n,) f8, world units: largest coordinate of each
+
+
+_sizes: WeakKeyDictionary[Scene, MeshSizes] = WeakKeyDictionary()
 
 
 def gamma(precision: str) -> float:
@@ -61,9 +76,13 @@ def choose_precision(scene: Scene) -> Precision:
     SceneError
         Not even float64 can represent the scene: an object is too small for its distance from the origin.
     """
-    _check_sizes(scene)
-    largest = _largest(scene.mesh.vertices, scene.camera.position)
-    feature, asked = smallest_height(scene.mesh), scene.settings.precision
+    base = base_of(scene)
+    if base not in _sizes:
+        _sizes[base] = _sizes_of(scene.mesh)
+    sizes = _sizes[base]
+    _check_sizes(scene, sizes)
+    largest = max(sizes.largest, _largest(scene.camera.position))
+    feature, asked = sizes.feature, scene.settings.precision
     name, why = _choose(scene, largest, feature) if asked == "auto" else (asked, "set by the scene")
     error = gamma(name) * largest
     if error > TOLERANCE * feature:
@@ -146,9 +165,17 @@ def _dot(a: Axes, b: Axes) -> Axes:
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
-def _check_sizes(scene: Scene) -> None:
+def _sizes_of(mesh: Mesh) -> MeshSizes:
+    corners, first = _corners(mesh), np.flatnonzero(np.diff(mesh.object_id, prepend=-1))
+    lowest = np.minimum.reduceat(np.minimum.reduce(corners), first, axis=1)
+    highest = np.maximum.reduceat(np.maximum.reduce(corners), first, axis=1)
+    size, far = (highest - lowest).max(axis=0), np.maximum(-lowest, highest).max(axis=0)
+    return MeshSizes(_largest(mesh.vertices), smallest_height(mesh), mesh.object_id[first], size, far)
+
+
+def _check_sizes(scene: Scene, sizes: MeshSizes) -> None:
     """Refuse coordinates outside the range of float64, and objects smaller than 100 of its rounding errors there."""
-    where, mesh = scene.source or "scene", scene.mesh
+    where = scene.source or "scene"
     low, high = FLOAT64_RANGE
     camera = _largest(scene.camera.position)
     places = {"camera": camera}
@@ -159,11 +186,8 @@ def _check_sizes(scene: Scene) -> None:
         for name, far in places.items()
         if far > high
     ]
-    corners, first = _corners(mesh), np.flatnonzero(np.diff(mesh.object_id, prepend=-1))
-    lowest = np.minimum.reduceat(np.minimum.reduce(corners), first, axis=1)
-    highest = np.maximum.reduceat(np.maximum.reduce(corners), first, axis=1)
-    sizes, far = (highest - lowest).max(axis=0), np.maximum(-lowest, highest).max(axis=0)
-    for i, size, reach in zip(mesh.object_id[first], sizes.tolist(), np.maximum(far, camera).tolist(), strict=True):
+    reaches = np.maximum(sizes.far, camera).tolist()
+    for i, size, reach in zip(sizes.objects, sizes.size.tolist(), reaches, strict=True):
         what = f"{where}: objects[{i}]: {scene.objects[i]} has size {size:.3g}"
         error = gamma("float64") * reach
         if 0.0 < size < low:

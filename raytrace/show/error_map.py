@@ -47,7 +47,7 @@ def error(image: Any, reference: Any) -> Drawing:
     >>> drawing.data["error"].shape, bool(drawing.data["ssim"].max() <= 1)
     ((32, 32), True)
     """
-    numbers = compare(image, reference)
+    numbers = compare(image, reference, flip=False)
     a, b = light_of(image, "image"), light_of(reference, "reference")
     finite: NDArray[np.bool_] = np.all(np.isfinite(a) & np.isfinite(b), axis=2)
     a, b = np.where(finite[..., None], a, 0.0), np.where(finite[..., None], b, 0.0)

@@ -1,7 +1,6 @@
 """``PreparedScene``: a scene for a drawing, with the same compiled scene that ``render`` uses."""
 
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +13,10 @@ from raytrace.rendering.compiled_scene import CompiledScene, compiled_of
 from raytrace.rendering.rendering import override
 from raytrace.scene.load import load
 from raytrace.scene.plan import make_plan
+from raytrace.scene.sources import Source
 
 LABELS = {"sah": "SAH", "median": "median"}  # names of splits in titles
-AnyScene = Scene | str | Path | dict[str, Any]
+AnyScene = Scene | Source
 
 
 class PreparedScene(NamedTuple):

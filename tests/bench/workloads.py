@@ -82,7 +82,7 @@ def ray_sets(mesh: Mesh) -> list[RaySet]:
     bvh = rt.BVH(mesh.vertices, mesh.faces)
     sets = []
     for order, pixels in (("rows", np.arange(SIDE**2)), ("blocks", _blocks())):
-        o, d = _camera(mesh, pixels)
+        o, d = camera_rays(mesh, pixels)
         p, ng = _landed(mesh, bvh, o, d)
         sets += [RaySet(f"camera, {order}", False, o, d, np.inf)]
         sets += [RaySet(f"shadow, {order}", True, p, np.float32(mesh.light) - p, 1.0)]
@@ -101,8 +101,9 @@ def _blocks() -> np.ndarray:
     return np.argsort(key.ravel())
 
 
-def _camera(mesh: Mesh, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    x, y = ((pixels % SIDE + 0.5) / SIDE * 2 - 1), (1 - (pixels // SIDE + 0.5) / SIDE * 2)
+def camera_rays(mesh: Mesh, pixels: np.ndarray, side: int = SIDE) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rays through pixels, given by their numbers in rows, of an image with so many pixels on each side."""
+    x, y = ((pixels % side + 0.5) / side * 2 - 1), (1 - (pixels // side + 0.5) / side * 2)
     d = np.stack([x * mesh.slope, y * mesh.slope, -np.ones(len(x))], 1)
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     return np.tile(np.float32(mesh.eye), (len(d), 1)), d.astype("f4")

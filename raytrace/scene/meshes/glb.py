@@ -71,6 +71,11 @@ def read_gltf(data: bytes, most: float, other: Callable[[str], bytes], wanted: W
     return _read(document, Accessors(document, memoryview(b""), other), most, wanted)
 
 
+def read_json(data: bytes) -> Record:
+    """Return the JSON of a glTF file, binary or text; a ValueError says what is wrong with it."""
+    return _chunks(data)[0] if data[:4] == MAGIC else _document(data)
+
+
 def _chunks(data: bytes) -> tuple[Record, memoryview]:
     """Return the JSON, and the bytes of the first buffer (empty if there is none)."""
     length = int.from_bytes(data[8:12], "little")

@@ -65,16 +65,16 @@ def _placed(above: Matrix, node: Record) -> Matrix:
     return product(above, _matrix(node)) if moves else above
 
 
-def parts(document: Record, accessors: Accessors, notes: dict[str, None]) -> Iterator[Part]:
-    """Return the parts of meshes of all visible nodes of the scene.
+class PlacedNode(NamedTuple):
+    """A visible node of the scene."""
 
-    Parameters
-    ----------
-    document : dict
-    accessors : Accessors
-    notes : dict of str
-        Collects what the user should know.
-    """
+    number: int  # its index
+    node: Record
+    matrix: Matrix  # (4, 4), applied to columns: to the world
+
+
+def visible_nodes(document: Record) -> Iterator[PlacedNode]:
+    """Yield the visible nodes of the scene, each after the one above it."""
     if not document.get("scenes"):
         raise UnsupportedError("it has no scene, only parts for one; export it with a scene")
     scene = item(document, "scenes", document.get("scene", 0))
@@ -89,9 +89,23 @@ def parts(document: Record, accessors: Accessors, notes: dict[str, None]) -> Ite
         if (extension(node, VISIBILITY) or {}).get("visible") is False:
             continue
         matrix = _placed(above, node)
+        yield PlacedNode(index, node, matrix)
+        waiting += [(child, matrix) for child in entries(node, "children")]
+
+
+def parts(document: Record, accessors: Accessors, notes: dict[str, None]) -> Iterator[Part]:
+    """Return the parts of meshes of all visible nodes of the scene.
+
+    Parameters
+    ----------
+    document : dict
+    accessors : Accessors
+    notes : dict of str
+        Collects what the user should know.
+    """
+    for _, node, matrix in visible_nodes(document):
         if "mesh" in node:
             yield from _of_node(document, accessors, node, matrix, notes)
-        waiting += [(child, matrix) for child in entries(node, "children")]
 
 
 def _of_node(

@@ -38,7 +38,8 @@ KIND_BYTES = 100  # bytes that identify the kind of a file
 LAST_SPACE = 32  # characters up to this one separate words
 
 
-def _read_bytes(path: Path, allowance: Allowance) -> bytes:
+def read_bytes(path: Path, allowance: Allowance) -> bytes:
+    """Return the content of a file that ``locate`` has found, unpacked if it is compressed."""
     try:
         if path.suffix.lower() != ".gz":
             _afford(path, path.stat().st_size, None, allowance)
@@ -152,7 +153,7 @@ def read_mesh(
     """
     locate(path)
     allowance = allowance or Allowance()
-    data, kind = _read_bytes(path, allowance), format_of(path)
+    data, kind = read_bytes(path, allowance), format_of(path)
     _check_kind(path, data)
     attributes = frozenset({UV, COLOR}) if MATERIAL in wanted else wanted
     _afford(path, len(data), _words(data, kind), allowance, attributes)
