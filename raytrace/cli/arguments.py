@@ -255,3 +255,14 @@ def report_options(parser: ArgumentParser) -> None:
     add("--budget", type=real_number(1, 1e9), default=60.0, metavar="SECONDS", help="measuring time (default: 60)")
     size = whole_numbers("WxH", "x", (1, 1))
     add("--size", type=size, metavar="WxH", help="image size in pixels (default: the scene's)")
+
+
+def conformance_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``conformance``."""
+    add = parser.add_argument
+    add("suite", type=Path, nargs="?", metavar="DIR", help="folder of the suite, to judge images of its scenes")
+    add("--images", type=Path, metavar="DIR", help="folder of the images to judge: .exr, .npz or .png")
+    text = (
+        "without --images: folder to write the suite into; with it: folder of the report (default: that of the images)"
+    )
+    add("-o", "--output", type=Path, metavar="DIR", help=text)

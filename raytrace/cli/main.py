@@ -153,6 +153,12 @@ def _report(args: Namespace) -> int:
     return INTERRUPTED if found.interrupted else DONE
 
 
+def _conformance(args: Namespace) -> int:
+    from raytrace.cli.conformance import conformance
+
+    return DONE if conformance(args) else DIFFERENT
+
+
 def _schema(_args: Namespace) -> int:
     from raytrace.scene import schema_text
 
@@ -199,6 +205,11 @@ COMMANDS = {
     "check": Command("check a scene and its meshes without rendering", _check, arguments.scene_options),
     "compare": Command("measure the error of an image against a reference", _compare, arguments.compare_options),
     "report": Command("measure speed and error, or test hard rays; write a page", _report, arguments.report_options),
+    "conformance": Command(
+        "write scenes whose light is known, or judge a renderer's images of them",
+        _conformance,
+        arguments.conformance_options,
+    ),
     "schema": Command("print the JSON Schema of scene files", _schema),
     "warmup": Command("compile kernels now instead of at the first render", _warmup, arguments.warmup_options),
     "doctor": Command("show versions, processor, cache and optional packages", _doctor),
@@ -237,7 +248,7 @@ def main(argv: list[str] | None = None) -> int:
     -------
     int
         Exit code: 0 done, 1 internal failure, 2 command line (also argparse itself), 3 invalid scene,
-        4 unreadable or unwritable file, 5 comparison or hard cases failed, 130 interrupted.
+        4 unreadable or unwritable file, 5 comparison, hard cases or conformance failed, 130 interrupted.
 
     Examples
     --------
