@@ -1,0 +1,1 @@
+"""Exports scenes to the formats of other renderers."""
