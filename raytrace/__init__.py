@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.2.0.dev0"
 
 if TYPE_CHECKING:
-    from raytrace import bsdf, show, textbook
+    from raytrace import bsdf, show, testing, textbook
     from raytrace.accel.bvh import BVH
     from raytrace.errors import FileError, OptionError, RaytraceError, SceneError
     from raytrace.image.metrics import compare
@@ -65,6 +65,7 @@ __all__ = [
     "report",
     "show",
     "spawn_ray",
+    "testing",
     "textbook",
 ]
 
@@ -72,7 +73,7 @@ __all__ = [
 if not TYPE_CHECKING:  # a type checker would take any name for one of these
 
     def __getattr__(name: str) -> Any:
-        if name in ("bsdf", "show", "textbook"):  # packages with public names of their own
+        if name in ("bsdf", "show", "testing", "textbook"):  # packages with public names of their own
             return import_module(f"{__name__}.{name}")
         if name not in _HOME:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

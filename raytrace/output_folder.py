@@ -49,7 +49,9 @@ def write_new_folder(folder: Path, files: Mapping[str, bytes]) -> None:
         The folder has other files, or can't be written.
     """
     if others := _others(folder, files):
-        raise FileError(f"{printable(folder)}: has other files ({printable(others[0])}); choose a new or an empty folder")
+        raise FileError(
+            f"{printable(folder)}: has other files ({printable(others[0])}); choose a new or an empty folder"
+        )
     aside, old = (folder.with_name(f".{os.urandom(8).hex()}.tmp") for _ in range(2))
     try:
         for name, data in files.items():

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 SIZE, SAMPLES = (32, 32), 256
 TOLERANCE = 0.01  # relative: five standard errors of a path tracer, and what textures and meshes are not
 EXACT = 0.005  # where every sample has nearly the same value
-DEEP = 128  # surfaces: all light but a part in 10^6
+DEEP = 48  # surfaces: all light but a part in 10^6
 
 Colour = tuple[float, float, float]
 

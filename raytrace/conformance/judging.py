@@ -15,6 +15,7 @@ from raytrace.errors import FileError, RaytraceError, printable
 
 PASSES, FAILS, UNJUDGED, MISSING = "passes", "fails", "cannot be judged", "not rendered"
 SIGNIFICANT, SMALL = 6.0, 2e-3  # standard errors, relative error: what is above both is worth a remark
+ACCURACY = 3e-4  # relative: of the answers, for rounding, meshes, and pixels that are not points
 SIGMAS = 4.0  # standard errors that noise may explain
 
 
@@ -27,7 +28,7 @@ class RegionResult(NamedTuple):
     error: float  # relative, of the worst channel, with its sign
     tolerance: float  # relative; with half a step of 8 bits
     noise: float  # relative standard error of that channel
-    z: float | None  # error in standard errors; None: neither variances nor seeds
+    z: float | None  # error beyond the answer's accuracy, in standard errors; None: neither variances nor seeds
     verdict: str
 
 
@@ -158,6 +159,7 @@ def _judge_region(region: Region, measured: Measured) -> RegionResult:
     verdict = PASSES
     if abs(error[k]) > tolerance[k]:
         verdict = UNJUDGED if abs(error[k]) <= SIGMAS * noise[k] else FAILS
-    z = float(error[k] / noise[k]) if measured.known and noise[k] > 0 else None
+    beyond = float(np.sign(error[k])) * max(abs(float(error[k])) - ACCURACY, 0.0)
+    z = beyond / float(noise[k]) if measured.known and noise[k] > 0 else None
     numbers = tuple(map(float, right)), tuple(map(float, measured.mean))
     return RegionResult(region.name, *numbers, float(error[k]), float(tolerance[k]), float(noise[k]), z, verdict)

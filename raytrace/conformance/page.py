@@ -67,8 +67,9 @@ def page(judgement: Judgement, images: Path) -> str:
     return (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
         f"<h1>{title}</h1><p>{escape(summary(judgement))}</p><table><tr>{heads}</tr>{rows}</table>"
-        f"<p><small>raytrace {escape(raytrace.__version__)}. Error and tolerance are relative; z is the error in "
-        "standard errors, where variances or several seeds are known.</small></p></html>\n"
+        f"<p><small>raytrace {escape(raytrace.__version__)}. Error and tolerance are relative; z is the error beyond "
+        "the accuracy of the answer (0.03 %), in standard errors, where variances or "
+        "several seeds are known.</small></p></html>\n"
     )
 
 

@@ -25,6 +25,4 @@ def square_to_sphere(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[
         azimuth = np.where(r > 0, ((np.abs(v) - np.abs(u)) / r + 1) * np.pi / 4, np.pi / 4)
     z = np.copysign(1 - r * r, signed)
     across = r * np.sqrt(np.maximum(2 - r * r, 0.0))
-    return np.stack(
-        [np.copysign(np.cos(azimuth), u) * across, np.copysign(np.sin(azimuth), v) * across, z], axis=1
-    )
+    return np.stack([np.copysign(np.cos(azimuth), u) * across, np.copysign(np.sin(azimuth), v) * across, z], axis=1)

@@ -35,7 +35,7 @@ def _through(degrees: float) -> Case:
     return Case(
         f"slab-through-{degrees:.0f}",
         f"Light through a plate of glass, from the dark side, at {degrees:.0f} degrees.",
-        scene(_camera(degrees), [(PLATE, GLASS), (lamp, diffuse(0.0, level))], depth=64),
+        scene(_camera(degrees), [(PLATE, GLASS), (lamp, diffuse(0.0, level))], depth=48),
         everywhere(0.5),
         causes(
             ("glass reflects nothing: Fresnel's reflectance is missing", level),
@@ -65,7 +65,7 @@ def _back(degrees: float) -> Case:
     return Case(
         f"slab-back-{name}",
         f"What a plate of glass reflects before a black ground, at {degrees:.1f} degrees.",
-        scene(_camera(degrees), [(PLATE, GLASS), (dark, diffuse(0.0))], [environment(level)], depth=64),
+        scene(_camera(degrees), [(PLATE, GLASS), (dark, diffuse(0.0))], [environment(level)], depth=48),
         everywhere(0.3),
         causes(*right),
         "slab",
@@ -99,7 +99,7 @@ def _cut() -> Case:
 
 def _inside() -> Iterator[Case]:
     camera = orthographic([0, 0, -0.5], [0, 0, -0.9], 0.01)
-    for depth in (1, 64):
+    for depth in (1, 48):
         right = 0.2 * inside_slab(IOR, depth)
         wrong = [
             ("the eta^2 of radiance is missing", right / IOR**2),

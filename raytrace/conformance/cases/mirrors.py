@@ -77,7 +77,7 @@ def _corridor() -> Case:
 def _lamp_below() -> Iterator[Case]:
     """Each further term takes a mirror and the plate."""
     mirror = {"rectangle": {}, "scale": 10000, "rotate": {"axis": [1, 0, 0], "angle": 180}, "translate": [0, 0, 1]}
-    for depth in (2, 64):
+    for depth in (2, 48):
         terms = depth // 2 + 1
         right = 0.3 * (1 - 0.4**terms) / 0.6
         less, more = (0.3 * (1 - 0.4 ** (terms + k)) / 0.6 for k in (-1, 1))
