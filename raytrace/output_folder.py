@@ -52,6 +52,7 @@ def write_new_folder(folder: Path, files: Mapping[str, bytes]) -> None:
         raise FileError(
             f"{printable(folder)}: has other files ({printable(others[0])}); choose a new or an empty folder"
         )
+    folder = folder.resolve()
     aside, old = (folder.with_name(f".{os.urandom(8).hex()}.tmp") for _ in range(2))
     try:
         for name, data in files.items():

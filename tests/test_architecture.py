@@ -64,6 +64,7 @@ LAYERS = {
     "golden": ("textbook", "scene", "accel", "passes", "rendering", "hardcases", "reporting", "show", "cli"),
     "rendering": ("textbook", "hardcases", "reporting", "show", "golden", "cli"),
     "reporting": ("textbook", "show", "golden", "cli"),
+    "exporting": ("textbook", "accel", "passes", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
     "show": ("textbook", "golden", "cli"),
     "cli": ("textbook", "golden"),
 }

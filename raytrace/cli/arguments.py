@@ -266,3 +266,13 @@ def conformance_options(parser: ArgumentParser) -> None:
         "without --images: folder to write the suite into; with it: folder of the report (default: that of the images)"
     )
     add("-o", "--output", type=Path, metavar="DIR", help=text)
+
+
+def export_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``export``."""
+    scene_options(parser)
+    add = parser.add_argument
+    add("--to", type=one_of("mitsuba", "pbrt"), required=True, metavar="NAME", help="mitsuba (3) or pbrt (v4)")
+    add("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the scene, its meshes and images")
+    text = "replace what the other renderer cannot express by what is closest, with a warning for each"
+    add("--approximate", action="store_true", help=text)

@@ -159,6 +159,17 @@ def _conformance(args: Namespace) -> int:
     return DONE if conformance(args) else DIFFERENT
 
 
+def _export(args: Namespace) -> int:
+    from raytrace.exporting.export import export_scene
+
+    with without_scene_warnings():  # they are about our own image
+        path, warnings = export_scene(_load(args), args.to, args.output, args.approximate)
+    for warning in warnings:
+        streams.say(f"warning: {warning}")
+    streams.out(printable(path))
+    return DONE
+
+
 def _schema(_args: Namespace) -> int:
     from raytrace.scene import schema_text
 
@@ -210,6 +221,7 @@ COMMANDS = {
         _conformance,
         arguments.conformance_options,
     ),
+    "export": Command("write a scene for Mitsuba 3 or pbrt-v4", _export, arguments.export_options),
     "schema": Command("print the JSON Schema of scene files", _schema),
     "warmup": Command("compile kernels now instead of at the first render", _warmup, arguments.warmup_options),
     "doctor": Command("show versions, processor, cache and optional packages", _doctor),

@@ -14,7 +14,7 @@ from raytrace.output_folder import check_folder, write
 
 SCHEMA = "raytrace.conformance/1"  # of suite.json; the number changes when a field changes its meaning or is removed
 ANSWERS = "suite.json"
-FORMATS = ("mitsuba",)
+FORMATS = ("mitsuba", "pbrt")
 README = """\
 # {count} scenes whose light has a closed form
 

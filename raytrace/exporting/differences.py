@@ -17,7 +17,7 @@ class Differences:
     def __init__(self, scene: Scene, renderer: str) -> None:
         self.renderer = renderer
         self._source = printable(scene.source or "scene")
-        self._found: list[tuple[str, str]] = []
+        self._found: dict[tuple[str, str], list[str]] = {}
 
     def add(self, where: str, what: str, instead: str) -> None:
         """Note one difference.
@@ -31,9 +31,9 @@ class Differences:
         instead : str
             What the export writes for it with ``approximate``.
         """
-        row = f"{self._source}: {printable(where)}: {what}", instead
-        if row not in self._found:
-            self._found.append(row)
+        places = self._found.setdefault((what, instead), [])
+        if where not in places:
+            places.append(where)
 
     def settle(self, approximate: bool) -> tuple[str, ...]:
         """Return one warning per difference.
@@ -43,6 +43,11 @@ class Differences:
         SceneError
             There are differences, and no approximation is allowed.
         """
-        if self._found and not approximate:
-            raise SceneError([f"{what}; with --approximate, {instead}" for what, instead in self._found])
-        return tuple(f"{what}; {instead}" for what, instead in self._found)
+        allowed = "" if approximate else "with --approximate, "
+        lines = [
+            f"{self._source}: {printable(', '.join(places))}: {what}; {allowed}{instead}"
+            for (what, instead), places in self._found.items()
+        ]
+        if lines and not approximate:
+            raise SceneError(lines)
+        return tuple(lines)

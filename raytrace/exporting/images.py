@@ -10,7 +10,7 @@ from raytrace.image import png
 from raytrace.image.texels import srgb_table
 from raytrace.texture_records import EnvironmentImage, Texture
 
-SAMPLES = 4  # per side of a texel, where an environment is resampled to a square
+SAMPLES = 2  # per side of a texel, where an environment is resampled to a square
 MOST = 4096  # texels per side of this square
 BAND = 64  # rows that are resampled at a time
 

@@ -61,9 +61,8 @@ def _part(mesh: Mesh, mine: NDArray[np.bool_], name: str, owner: tuple[int, int]
         if values is not None and not np.isnan(values[mine]).any():
             columns[key] = values[mine]
     rows = np.concatenate([array.reshape(3 * len(corners), -1) for array in columns.values()], axis=1)
-    rows = np.ascontiguousarray(rows + 0.0, np.float32)  # -0 becomes 0, so that equal rows have equal bytes
-    keys = rows.view(np.dtype((np.void, rows.itemsize * rows.shape[1]))).ravel()
-    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+    rows = np.asarray(rows, np.float32)
+    first, inverse = equal_rows(rows)
     order = np.argsort(first)  # vertices in the order of the faces
     place = np.empty(len(order), np.int32)
     place[order] = np.arange(len(order), dtype=np.int32)
@@ -71,6 +70,18 @@ def _part(mesh: Mesh, mine: NDArray[np.bool_], name: str, owner: tuple[int, int]
     split = dict(zip(columns, np.split(rows[first[order]], ends, axis=1), strict=True))
     faces = place[inverse.reshape(-1, 3)]
     return Part(name, *owner, split["vertices"], faces, *(split.get(key) for key in ("normals", "uv", "colors")))
+
+
+def equal_rows(rows: NDArray[np.float32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return one row of each group of equal ones, and for each row the number of its group.
+
+    >>> equal_rows(np.array([[0, 1], [2, 3], [-0.0, 1]], np.float32))[1].tolist()
+    [0, 1, 0]
+    """
+    rows = np.ascontiguousarray(rows + np.float32(0))  # -0 becomes 0, so that equal rows have equal bytes
+    keys = rows.view(np.dtype((np.void, rows.itemsize * rows.shape[1]))).ravel()
+    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+    return first, inverse
 
 
 def _flat(corners: NDArray[np.float64], normals: NDArray[np.float64]) -> bool:

@@ -10,6 +10,8 @@ What Mitsuba has otherwise than this project, and what is written for it:
 - Russian roulette is left to the estimator of the other renderer, and practically off (`NO_ROULETTE`).
 """
 
+from typing import Any
+
 import numpy as np
 
 from raytrace.exporting.common import Contents, needs_path, shared_differences
@@ -55,7 +57,7 @@ def _integrator(scene: Scene) -> Element:
 def _sensor(scene: Scene) -> Element:
     camera, (width, height) = scene.camera, scene.settings.size
     look = {"origin": camera.position, "target": camera.look_at, "up": camera.up}
-    steps = [("lookat", look)]
+    steps: list[tuple[str, dict[str, Any]]] = [("lookat", look)]
     extent = _extent(scene)
     parameters = [put("float", "near_clip", NEAR * extent), put("float", "far_clip", FAR * extent)]
     kind = "perspective"

@@ -2,16 +2,16 @@
 
 from collections.abc import Iterable
 from typing import Any
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
-Element = ElementTree.Element
+Element = ET.Element
 
 
 def plugin(tag: str, kind: str, children: Iterable[Element] = (), **attributes: str) -> Element:
     """Return an element such as ``<bsdf type="diffuse" id="...">``; attributes as for `put`."""
-    element = ElementTree.Element(tag, {"type": kind, **attributes})
+    element = ET.Element(tag, {"type": kind, **attributes})
     element.extend(children)
     return element
 
@@ -21,10 +21,10 @@ def put(tag: str, name: str, value: Any) -> Element:
 
     Numbers are written with as many digits as identify them.
 
-    >>> ElementTree.tostring(put("rgb", "radiance", (1.0, 0.5, 0.1)))
+    >>> ET.tostring(put("rgb", "radiance", (1.0, 0.5, 0.1)))
     b'<rgb name="radiance" value="1.0, 0.5, 0.1" />'
     """
-    return ElementTree.Element(tag, {"name": name, "value": words(value)})
+    return ET.Element(tag, {"name": name, "value": words(value)})
 
 
 def words(value: Any) -> str:
@@ -38,14 +38,14 @@ def words(value: Any) -> str:
 
 def transform(name: str, *steps: tuple[str, dict[str, Any]]) -> Element:
     """Return a transform of steps, such as ``("scale", {"x": 2.0})``, applied in this order."""
-    element = ElementTree.Element("transform", {"name": name})
+    element = ET.Element("transform", {"name": name})
     for tag, attributes in steps:
-        ElementTree.SubElement(element, tag, {key: words(value) for key, value in attributes.items()})
+        ET.SubElement(element, tag, {key: words(value) for key, value in attributes.items()})
     return element
 
 
 def document(root: Element, comment: str) -> bytes:
     """Return an XML file."""
-    ElementTree.indent(root)
-    text = ElementTree.tostring(root, encoding="unicode")
+    ET.indent(root)
+    text = ET.tostring(root, encoding="unicode")
     return f"<!-- {comment.replace('--', '- -')} -->\n{text}\n".encode()

@@ -15,9 +15,8 @@ from mitsuba_light import peer
 from mitsuba_scenes import SIGNIFICANCE, verdict
 
 sys.path.append(str(ROOT / "tests"))
-from light_techniques import sidak
-
 import raytrace as rt
+from light_techniques import sidak
 
 TILE = 4  # pixels
 

@@ -10,16 +10,14 @@ a fit for the diffuse reflectance from inside, 0.5968 in place of 0.5963: only f
 import argparse
 import math
 import sys
-from pathlib import Path
 from typing import Any
 
 import mpmath
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
+from mitsuba_light import peer
+from peers import mitsuba
 
 import raytrace as rt
-from raytrace.records import DIFFUSE, PLASTIC, ROUGH_CONDUCTOR, ROUGH_DIELECTRIC
 
 METAL = {"type": "conductor", "metal": "gold"}
 GLASS = {"type": "dielectric", "ior": 1.5}
@@ -64,80 +62,12 @@ SCENES = {
 }
 
 
-def peer_bsdf(scene: rt.Scene, k: int) -> dict[str, Any]:
-    """Material k as Mitsuba has it."""
-    table = scene.materials
-    kind, alpha = table.kind[k], 0.0 if table.alpha is None else float(table.alpha[k])
-
-    def colour(values: np.ndarray) -> dict[str, Any]:
-        return {"type": "rgb", "value": values.tolist()}
-
-    if kind == ROUGH_DIELECTRIC:
-        ior = float(table.ior[k])
-        return {"type": "roughdielectric", "distribution": "ggx", "alpha": alpha, "int_ior": ior, "ext_ior": 1.0}
-    if kind == ROUGH_CONDUCTOR:
-        index = {"eta": colour(table.eta[k]), "k": colour(table.k[k])}
-        return {
-            "type": "twosided",
-            "bsdf": {"type": "roughconductor", "distribution": "ggx", "alpha": alpha, **index},
-        }
-    if kind == PLASTIC:
-        coat = {"int_ior": float(table.ior[k]), "ext_ior": 1.0, "nonlinear": True}
-        return {"type": "plastic", "diffuse_reflectance": colour(table.albedo[k]), **coat}
-    assert kind == DIFFUSE
-    return {"type": "diffuse", "reflectance": colour(table.albedo[k])}
-
-
-def peer_scene(scene: rt.Scene, side: int) -> Any:
-    """The scene as Mitsuba's own objects."""
-    import mitsuba as mi
-
-    camera = scene.camera
-    look = mi.ScalarTransform4f().look_at(*(a.tolist() for a in (camera.position, camera.look_at, camera.up)))
-    film = {"type": "hdrfilm", "width": side, "height": side, "pixel_format": "rgb", "rfilter": {"type": "box"}}
-    content: dict[str, Any] = {
-        "type": "scene",
-        "integrator": {"type": "path", "max_depth": scene.settings.max_depth + 1, "rr_depth": 1000},
-        "camera": {"type": "perspective", "fov": camera.fov, "fov_axis": "y", "to_world": look, "film": film},
-    }
-    for k, (position, flux) in enumerate(zip(scene.lights.position, scene.lights.flux, strict=True)):
-        intensity = {"type": "rgb", "value": (flux / (4 * np.pi)).tolist()}
-        content[f"light{k}"] = {"type": "point", "position": position.tolist(), "intensity": intensity}
-    if scene.lights.environment is not None:
-        radiance = {"type": "rgb", "value": scene.lights.environment.tolist()}
-        content["environment"] = {"type": "constant", "radiance": radiance}
-    for k in np.unique(scene.mesh.material_id):
-        content[f"mesh{k}"] = _peer_mesh(scene, int(k))
-    return mi.load_dict(content)
-
-
-def _peer_mesh(scene: rt.Scene, k: int) -> Any:
-    """All triangles of a material as one mesh of Mitsuba."""
-    import mitsuba as mi
-
-    properties = mi.Properties()
-    properties["bsdf"] = mi.load_dict(peer_bsdf(scene, k))
-    emission = scene.materials.emission
-    if emission is not None and emission[k].any():
-        radiance = {"type": "rgb", "value": emission[k].tolist()}
-        properties["emitter"] = mi.load_dict({"type": "area", "radiance": radiance})
-    faces = scene.mesh.faces[scene.mesh.material_id == k]
-    mesh = mi.Mesh(f"mesh{k}", len(scene.mesh.vertices), len(faces), props=properties)
-    parameters = mi.traverse(mesh)
-    parameters["vertex_positions"] = mi.Float(scene.mesh.vertices.ravel().astype("f4"))
-    parameters["faces"] = mi.UInt32(faces.ravel().astype("u4"))
-    parameters.update()
-    return mesh
-
-
 def compare(name: str, side: int, spp: int, seeds: int) -> tuple[float, str]:
     """p-value of the largest |t| of all pixels, and a line that says how the images differ."""
-    import mitsuba as mi
-
     ours = rt.load(SCENES[name])
-    peer = peer_scene(ours, side)
+    render = peer(ours, (side, side))
     a = np.array([rt.render(ours, size=(side, side), spp=spp, seed=k).rgb for k in range(seeds)], np.float64)
-    b = np.array([np.array(mi.render(peer, spp=spp, seed=1000 + k)) for k in range(seeds)], np.float64)
+    b = np.array([render(spp, 1000 + k) for k in range(seeds)])
     error = np.sqrt((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)) / seeds)
     t = (a.mean(axis=0) - b.mean(axis=0))[error > 0] / error[error > 0]
     freedom = 2 * (seeds - 1)
@@ -159,10 +89,7 @@ def main() -> int:
     parser.add_argument("--spp", type=int, default=256, help="samples per pixel and seed")
     parser.add_argument("--seeds", type=int, default=16, help="images of each tracer")
     args = parser.parse_args()
-    import mitsuba as mi
-
-    mi.set_variant("llvm_ad_rgb")
-    sys.stdout.write(f"raytrace {rt.__version__}, mitsuba {mi.__version__}\n")
+    sys.stdout.write(f"raytrace {rt.__version__}, mitsuba {mitsuba().__version__}\n")
     found = []
     for name in SCENES:
         p, line = compare(name, args.side, args.spp, args.seeds)
