@@ -4,6 +4,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+
+import raytrace as rt
 from export_scenes import (
     CHECKS,
     EVEN,
@@ -22,8 +24,6 @@ from export_scenes import (
     looked_up,
     made,
 )
-
-import raytrace as rt
 from raytrace.exporting.export import export_files
 from raytrace.image.files import load as load_image
 from raytrace.image.files import srgb_decode

@@ -37,6 +37,7 @@ class Case(NamedTuple):
     causes: tuple[Cause, ...] = ()
     section: str = ""  # of docs/closed-forms.md
     samples: int = SAMPLES
+    approximate: tuple[str, ...] = ()  # formats whose approximation has the same answer here
     files: dict[str, bytes] = {}  # images and meshes, by their names beside the scene
 
 
@@ -51,6 +52,11 @@ def everywhere(
     """One region: the whole image."""
     colour = grey(expected) if isinstance(expected, float) else expected
     return (Region("whole image", (0, 0, *size), colour, tolerance),)
+
+
+def told_apart(right: float, *given: tuple[str, float]) -> list[tuple[str, float]]:
+    """Mistakes whose values are far enough from the right one to be seen."""
+    return [(text, value) for text, value in given if abs(value / right - 1) > 2 * TOLERANCE]
 
 
 def causes(*given: tuple[str, float | Colour]) -> tuple[Cause, ...]:

@@ -15,6 +15,20 @@ def furnace(albedo: float, emission: float, depth: int) -> float:
     return emission * (1 - albedo ** (depth + 1)) / (1 - albedo)
 
 
+def lossy_furnace(albedo: float, emission: float, first: int) -> float:
+    """Radiance in that room if roulette, from surface ``first`` on, survives with the throughput and does not divide.
+
+    >>> round(lossy_furnace(0.5, 0.25, 1000), 6)
+    0.5
+    """
+    throughput, alive, total = 1.0, 1.0, emission
+    for surface in range(1, 1000):
+        throughput *= albedo
+        alive *= throughput if surface >= first else 1.0
+        total += emission * throughput * alive
+    return total
+
+
 def lit_sphere(flux: float, radius: float, albedo: float, depth: int) -> float:
     """Radiance in a sphere with a point light at its centre, after ``depth`` surfaces.
 

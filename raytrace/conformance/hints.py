@@ -10,6 +10,7 @@ from raytrace.conformance.case import Cause, Region
 from raytrace.conformance.measuring import Images, measure
 from raytrace.image.files import srgb_decode, srgb_encode
 
+BLACK = 1e-3  # radiance: what a mistake may leave where it shows black
 NEAR = 0.02  # relative: how near the measured values must be to those of a mistake
 PI = np.pi
 FACTORS = (
@@ -83,4 +84,4 @@ def _worst(
     means: NDArray[np.float64], other: NDArray[np.float64], allowed: NDArray[np.float64], slack: NDArray[np.float64]
 ) -> float:
     """Largest deviation from other values, over all regions and channels; 1 is allowed."""
-    return float((np.abs(means - other) / (allowed * np.abs(other) + slack)).max())
+    return float((np.abs(means - other) / (allowed * np.abs(other) + slack + BLACK)).max())

@@ -123,8 +123,7 @@ def unusable(images: Images, regions: Sequence[Region], size: Sequence[int]) -> 
     parts: list[Any] = [images.rgb[:, y0:y1, x0:x1] for x0, y0, x1, y1 in (region.box for region in regions)]
     if images.eight_bits and any((part >= 1).mean() > CLIPPED for part in parts):
         return "the image is clipped: values at the largest code; it is too bright, or exposed"
-    if (images.rgb == images.rgb[:, :1, :1]).all():
-        value = images.rgb[0, 0, 0]
-        if (value == 1).all() or len({region.expected for region in regions}) > 1:
-            return "the image has a single colour"
+    uniform = len({region.expected for region in regions}) == 1  # by design
+    if not uniform and (images.rgb == images.rgb[:, :1, :1]).all():
+        return "the image has a single colour"
     return ""

@@ -27,11 +27,8 @@ td table { margin: 0; } td td { border: 0; padding: 0 .8em 0 0; font-size: 14px;
 
 def summary(judgement: Judgement) -> str:
     """One line: how many scenes have each verdict."""
-    return ", ".join(f"{judgement.count(verdict)} {_plural(verdict, judgement.count(verdict))}" for verdict in CLASSES)
-
-
-def _plural(verdict: str, count: int) -> str:
-    return {PASSES: "pass", FAILS: "fail"}.get(verdict, verdict) if count != 1 else verdict
+    words = {PASSES: "pass", FAILS: "fail"}
+    return ", ".join(f"{judgement.count(verdict)} {words.get(verdict, verdict)}" for verdict in CLASSES)
 
 
 def text(judgement: Judgement) -> str:

@@ -108,11 +108,11 @@ def _export(folder: Path, cases: tuple[Case, ...], to: str) -> dict[str, str]:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 scene = raytrace.load(folder / f"{case.name}.json")
-                export_scene(scene, to, folder / to / case.name)
+                export_scene(scene, to, folder / to / case.name, to in case.approximate)
         except FileError:
             raise
         except RaytraceError as error:
-            missing[case.name] = str(error)
+            missing[case.name] = str(error).removeprefix(f"{folder / case.name}.json: ")
     return missing
 
 

@@ -21,7 +21,6 @@ from raytrace.conformance.writing import write_suite
 from raytrace.image.files import save
 
 
-
 def mitsuba_images(suite: Path, images: Path, seeds: int, variant: str) -> None:
     """Render the exported scenes, with several seeds."""
     import mitsuba

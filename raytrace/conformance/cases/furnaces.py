@@ -3,13 +3,13 @@
 import math
 from collections.abc import Iterator
 
-from raytrace.conformance.case import DEEP, Case, causes, diffuse, environment, everywhere, scene, view
-from raytrace.conformance.formulas import furnace, lit_sphere
+from raytrace.conformance.case import DEEP, Case, causes, diffuse, environment, everywhere, scene, told_apart, view
+from raytrace.conformance.formulas import furnace, lit_sphere, lossy_furnace
 
 INSIDE = view([0, 0, 0.5], [0, 0.2, -1], 60)
 OUTSIDE = view([0, 0, 4], [0, 0, 0], 5)
-FINE = 2e-5  # tolerance of the sphere with a point light: 350,000 triangles
-ROULETTE = "Russian roulette does not divide by the probability of going on, or paths end too early"
+COARSE, FINE = 1e-4, 2e-5  # tolerances of spheres with a point light: 70,000 and 350,000 triangles
+LOSSY = "Russian roulette does not divide by the probability of going on (from surface {} on)"
 
 
 def cases() -> Iterator[Case]:
@@ -25,7 +25,11 @@ def _rooms() -> Iterator[Case]:
         room = scene(INSIDE, [({"box": {}, "flip": True}, diffuse(albedo, emission))], depth=depth)
         wrong = [(f"max_depth is off by {k:+d}", furnace(albedo, emission, depth + k)) for k in (-1, 1) if depth < DEEP]
         if depth == DEEP:
-            wrong += [(f"paths end after about {d} surfaces: {ROULETTE}", furnace(albedo, emission, d)) for d in (4, 8)]
+            wrong += [(LOSSY.format(first), lossy_furnace(albedo, emission, first)) for first in range(2, 8)]
+            wrong += [
+                (f"paths end after {d} surfaces, whatever max_depth is", furnace(albedo, emission, d))
+                for d in (1, 2, 4, 8)
+            ]
         else:
             wrong.append(("max_depth is ignored", furnace(albedo, emission, DEEP)))
         wrong.append(
@@ -54,9 +58,9 @@ def _rooms() -> Iterator[Case]:
 
 
 def _lit_spheres() -> Iterator[Case]:
-    ball = {"sphere": {"center": [0, 0, 0], "radius": 2, "tolerance": FINE}, "flip": True}
     camera, flux = view([0, 0, 1], [0, 0.2, -2], 40), 2 * math.pi**2 * 4
-    for depth in (2, DEEP):
+    for depth, tolerance in ((2, COARSE), (DEEP, FINE)):
+        ball = {"sphere": {"center": [0, 0, 0], "radius": 2, "tolerance": tolerance}, "flip": True}
         lamp = {"type": "point", "position": [0, 0, 0], "flux": [flux] * 3}
         right = lit_sphere(flux, 2, 0.5, depth)
         yield Case(
@@ -65,8 +69,11 @@ def _lit_spheres() -> Iterator[Case]:
             scene(camera, [(ball, diffuse(0.5))], [lamp], depth=depth),
             everywhere(right),
             causes(
-                ("max_depth is one too small", lit_sphere(flux, 2, 0.5, depth - 1)),
-                ("max_depth is one too large", lit_sphere(flux, 2, 0.5, depth + 1)),
+                *told_apart(
+                    right,
+                    ("max_depth is one too small", lit_sphere(flux, 2, 0.5, depth - 1)),
+                    ("max_depth is one too large", lit_sphere(flux, 2, 0.5, depth + 1)),
+                ),
                 ("the light of a point falls off with 1 / r instead of 1 / r^2", 2 * right),
                 ("the light of a point does not fall off", 4 * right),
                 ("flux is taken for intensity: 4 pi is missing", 4 * math.pi * right),

@@ -63,6 +63,7 @@ def _image(name: str, how: dict[str, Any], values: np.ndarray) -> Case:
         _regions(values),
         tuple(Cause(about, _colours(each)) for about, each in wrong),
         "texture",
+        samples=1024,
         files={file: png.encode(CODES, {})},
     )
 
@@ -79,4 +80,5 @@ def _checkerboard() -> Case:
         _regions(values),
         (Cause("the colours are swapped, or v runs down", _colours(swapped)),),
         "texture",
+        samples=1024,
     )
