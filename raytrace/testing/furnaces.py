@@ -141,7 +141,7 @@ def _measure(surface: Scattering, angle: float, n: int, seed: int) -> tuple[Any,
     weight = weight.reshape(n, -1)
     specular = np.isinf(density)
     usual = ~specular & (density > 0)
-    f = np.asarray(surface.eval(wo[usual], wi[usual]), np.float64).reshape(int(usual.sum()), -1)
+    f = np.asarray(surface.eval(wo, wi), np.float64).reshape(n, -1)[usual]
     product, right = weight[usual] * density[usual, None], f * np.abs(wi[usual, 2:])
     if not np.allclose(product, right, rtol=CLOSE, atol=1e-9):
         text = f"at {angle:g} degrees: weight times pdf is not f cos; the largest ratio is {_ratio(product, right):.4g}"
