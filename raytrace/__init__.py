@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from raytrace.image.metrics import compare
     from raytrace.optics import reflect, refract, spawn_ray
     from raytrace.records import Hits, Scene, Surface
+    from raytrace.rendering.given_rays import radiance
     from raytrace.rendering.rendering import render
     from raytrace.rendering.result import Render
     from raytrace.reporting.sweep import report
@@ -37,6 +38,7 @@ _HOME = {
     "demo": "scene.demo_scene",
     "explain": "scene.plan",
     "load": "scene.load",
+    "radiance": "rendering.given_rays",
     "reflect": "optics",
     "refract": "optics",
     "render": "rendering.rendering",
@@ -59,6 +61,7 @@ __all__ = [
     "demo",
     "explain",
     "load",
+    "radiance",
     "reflect",
     "refract",
     "render",

@@ -40,9 +40,9 @@ HEAVY = {
     "OpenEXR",
     "rich",
 }
-FUNCTIONS = {"load", "render", "explain", "compare", "demo", "reflect", "refract", "report", "spawn_ray"}
+FUNCTIONS = {"load", "render", "explain", "compare", "demo", "radiance", "reflect", "refract", "report", "spawn_ray"}
 CLASSES = {"BVH", "Render", "Scene", "Hits", "Surface", "RaytraceError", "SceneError", "FileError", "OptionError"}
-ROOMS = {"bsdf", "show", "textbook"}
+ROOMS = {"bsdf", "show", "testing", "textbook"}
 SUBMODULES = [
     "rendering.rendering",
     "rendering.result",
