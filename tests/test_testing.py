@@ -1,6 +1,10 @@
 """``rt.testing``: its probabilities against SciPy, and that it accepts what is right and rejects what is wrong."""
 
+import contextlib
+import io
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -196,6 +200,15 @@ def test_wrong_surfaces_fail(surface, options, text):
 )
 def test_our_materials_pass(material, options):
     rt.testing.furnace(material, n=20_000, tests=8, **options)
+
+
+def test_the_examples_of_the_documents_work():
+    text = (Path(__file__).parents[1] / "docs" / "testing.md").read_text("utf-8")
+    program = "".join(re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL))
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        exec(program, {})
+    lines = out.getvalue().splitlines()
+    assert [*lines[:2], lines[2][:5]] == ["the samples do not have the density", "True True", "[0.5 "]
 
 
 # Arguments ------------------------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
     DRJIT_LIBLLVM_PATH=... python tests/bench/conformance_mitsuba.py -o results.json
 
-needs the extra ``bench``. With --ours, raytrace renders the suite instead.
+needs the extra ``bench``. With --renderer raytrace or textbook, these render the suite instead.
 """
 
 import sys
@@ -20,6 +20,8 @@ from raytrace.conformance.page import text, write_judgement
 from raytrace.conformance.writing import write_suite
 from raytrace.image.files import save
 
+MOST_TRIANGLES = 10_000  # for the textbook
+
 
 def mitsuba_images(suite: Path, images: Path, seeds: int, variant: str) -> None:
     """Render the exported scenes, with several seeds."""
@@ -36,6 +38,20 @@ def mitsuba_images(suite: Path, images: Path, seeds: int, variant: str) -> None:
             save(images / f"{scene['name']}-{seed + 1}.exr", image)
 
 
+def textbook_images(suite: Path, images: Path, most: int) -> None:
+    """Render the scenes that raytrace.textbook has, with fewer samples: it takes one ray at a time through its tree."""
+    for scene in read_answers(suite):
+        path = suite / f"{scene['name']}.json"
+        if len(rt.load(path).mesh.faces) > MOST_TRIANGLES:
+            continue
+        try:
+            image = rt.textbook.render(path, spp=min(most, scene["samples"]))
+        except rt.OptionError as error:
+            show(f"{scene['name']}: {error}")
+            continue
+        save(images / f"{scene['name']}.npz", image)
+
+
 def our_images(suite: Path, images: Path, seeds: int) -> None:
     """Render the scenes with raytrace, with several seeds."""
     for scene in read_answers(suite):
@@ -48,7 +64,8 @@ def main() -> int:
     arguments = parser(__doc__ or "")
     arguments.add_argument("--seeds", type=int, default=4, help="images per scene (%(default)s)")
     arguments.add_argument("--variant", default="llvm_ad_rgb", help="of Mitsuba (%(default)s)")
-    arguments.add_argument("--ours", action="store_true", help="render with raytrace")
+    arguments.add_argument("--renderer", default="mitsuba", choices=["mitsuba", "raytrace", "textbook"])
+    arguments.add_argument("--spp", type=int, default=64, help="most samples of the textbook (%(default)s)")
     arguments.add_argument("--keep", type=Path, metavar="DIR", help="folder for the suite, the images and the page")
     args = arguments.parse_args()
     found = begin()
@@ -58,8 +75,10 @@ def main() -> int:
         write_suite(suite)
         images.mkdir(exist_ok=True)
         began = time.perf_counter()
-        if args.ours:
+        if args.renderer == "raytrace":
             our_images(suite, images, args.seeds)
+        elif args.renderer == "textbook":
+            textbook_images(suite, images, args.spp)
         else:
             mitsuba_images(suite, images, args.seeds, args.variant)
         show(f"rendered in {time.perf_counter() - began:.0f} s")

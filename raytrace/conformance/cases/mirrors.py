@@ -57,6 +57,7 @@ def _corridor() -> Case:
                     f"{count} mirrors{', left' if side < 0 else ''}",
                     (first + 1, 0, first + 3, 30),
                     grey(0.8 * 0.9**count),
+                    0.02,
                 )
             )
             edges.append(count)
