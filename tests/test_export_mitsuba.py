@@ -211,11 +211,35 @@ def test_linear_and_nearest_images(tmp_path):
     np.testing.assert_allclose(load_image(path).rgb, PIXELS / 255, atol=1e-7)
 
 
+def test_smooth_meshes_keep_their_normals(tmp_path):
+    ball = {"sphere": {"center": [0, 0, 0], "radius": 1, "tolerance": 0.02}, "material": "white"}
+    xml = Xml(made(tmp_path, {"white": WHITE}, objects=[ball, ball | {"normals": "smooth"}]))
+    assert [value(shape, "face_normals") for shape in xml.root.findall("shape")] == ["true", "false"]
+
+
+def checks_of(xml, folder, name):
+    """The two colours of a checkerboard that is an image: bottom left and bottom right texel."""
+    bitmap = xml.of("texture", "bitmap")
+    assert (bitmap.get("name"), value(bitmap, "filter_type"), value(bitmap, "raw")) == (name, "nearest", "true")
+    assert step(bitmap, "to_uv") == [("scale", {"x": [2], "y": [-3]})]
+    (folder / "checks.exr").write_bytes(xml.exported.files[value(bitmap, "filename")])
+    texels = load_image(folder / "checks.exr").rgb
+    np.testing.assert_array_equal(texels[0], texels[1][::-1])
+    return texels[1]
+
+
+def test_lamp_with_a_checkerboard(tmp_path):
+    """The colours of Mitsuba's checkerboards are at most 1."""
+    bright = CHECKS | {"checkerboard": [[9, 8, 7], [1, 2, 3]]}
+    xml = Xml(made(tmp_path, {"lamp": LAMP | {"emission": bright}}))
+    np.testing.assert_array_equal(checks_of(xml, tmp_path, "radiance"), bright["checkerboard"])
+
+
 def test_metal_with_a_textured_reflectance(tmp_path):
     exact = {"type": "conductor", "reflectance": CHECKS}
     xml = Xml(made(tmp_path, {"metal": exact}))
-    k = np.array(value(xml.of("texture", "checkerboard"), "color0"))
-    np.testing.assert_allclose(k**2 / (4 + k**2), [0.9, 0.8, 0.7], rtol=1e-12)
+    k = checks_of(xml, tmp_path, "k")
+    np.testing.assert_allclose(k**2 / (4 + k**2), CHECKS["checkerboard"], rtol=1e-6)
     scene = made(tmp_path, {"metal": {"type": "conductor", "reflectance": IMAGE}})
     with pytest.raises(rt.SceneError, match=r"materials\.metal\.reflectance: Mitsuba has no conductor .* image"):
         export_files(scene, "mitsuba")

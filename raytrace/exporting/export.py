@@ -49,8 +49,8 @@ def export_files(scene: Scene, to: str, approximate: bool = False, name: str | N
     Examples
     --------
     >>> import raytrace as rt
-    >>> export_files(rt.demo(), "mitsuba", approximate=True).scene
-    'demo.xml'
+    >>> export_files(rt.load("scenes/cornell-box.json"), "mitsuba").scene
+    'cornell-box.xml'
     """
     if to not in RENDERERS:
         raise OptionError(f"to: expected one of {', '.join(RENDERERS)}, got {to!r}")

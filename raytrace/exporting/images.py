@@ -11,7 +11,7 @@ from raytrace.image.texels import srgb_table
 from raytrace.texture_records import EnvironmentImage, Texture
 
 SAMPLES = 2  # per side of a texel, where an environment is resampled to a square
-MOST = 4096  # texels per side of this square
+LEAST, MOST = 512, 4096  # texels per side of this square
 BAND = 64  # rows that are resampled at a time
 
 
@@ -87,11 +87,12 @@ def equal_area_square(image: EnvironmentImage, side: int | None = None) -> NDArr
     ----------
     image : EnvironmentImage
     side : int, optional
-        Texels per side. Default: a power of two with at least four times the texels of the image, at most `MOST`.
+        Texels per side. Default: a power of two from `LEAST` to `MOST`, with four times the image's texels if it can.
     """
     texels = radiance_of(image)
     if side is None:
-        side = min(MOST, 1 << int(np.ceil(np.log2(2 * np.sqrt(texels.shape[0] * texels.shape[1])))))
+        wanted = 2 * np.sqrt(texels.shape[0] * texels.shape[1])
+        side = min(max(LEAST, 1 << int(np.ceil(np.log2(wanted)))), MOST)
     found = np.empty((side, side, 3), np.float32)
     across = (np.arange(side * SAMPLES) + 0.5) / (side * SAMPLES)
     for top in range(0, side, BAND):

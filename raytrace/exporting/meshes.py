@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.records import Mesh, Scene
+from raytrace.records import DIFFUSE, Mesh, Scene
 
 FLAT = 1e-9  # largest difference of a corner's normal from the triangle's where an object is flat
 PROPERTIES = {"vertices": "xyz", "normals": ("nx", "ny", "nz"), "uv": "uv", "colors": "rgb"}
@@ -31,14 +31,37 @@ class Part(NamedTuple):
 
 
 def parts_of(scene: Scene) -> Iterator[Part]:
-    """Yield the parts of a scene, object by object."""
+    """Yield the parts of a scene, object by object.
+
+    Lamps that reflect nothing have no normals: emission depends on the geometric normal only.
+    """
     mesh = scene.mesh
     pairs = mesh.object_id.astype(np.int64) * len(scene.materials.name) + mesh.material_id
     for pair in np.flatnonzero(np.bincount(pairs)):
         number, material = divmod(int(pair), len(scene.materials.name))
         stem = scene.objects[number].rsplit("/", 1)[-1]
         words = [f"{number:03d}", stem.split(".", 1)[0], scene.materials.name[material]]
-        yield _part(mesh, pairs == pair, file_stem("-".join(words)), (material, number))
+        part = _part(mesh, pairs == pair, file_stem("-".join(words)), (material, number))
+        yield part._replace(normals=None) if reflects_nothing(scene, material) else part
+
+
+def reflects_nothing(scene: Scene, material: int) -> bool:
+    """Whether a material is black on both sides, whether it emits or not."""
+    textured = scene.textures is not None and scene.textures.reflectance[material] >= 0
+    table = scene.materials
+    return bool(table.kind[material] == DIFFUSE and not table.albedo[material].any() and not textured)
+
+
+def bend(part: Part) -> float:
+    """Angle between the normals of corners and of triangles, degrees: the root of its mean square over the area."""
+    if part.normals is None:
+        return 0.0
+    corners, normals = (each.astype(np.float64)[part.faces] for each in (part.vertices, part.normals))
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(across, axis=1)
+    cosines = np.einsum("ijk,ik->ij", normals, across / np.where(length > 0, length, 1.0)[:, None])
+    squares = (np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))) ** 2).mean(axis=1)
+    return float(np.sqrt((squares * length).sum() / length.sum()))
 
 
 def file_stem(text: str) -> str:

@@ -28,11 +28,12 @@ NEAR, FAR = 1e-5, 1e3  # of the extent of the scene: nothing that a camera sees 
 
 def export(scene: Scene, name: str, differences: Differences) -> Contents:
     """Return the files of a scene, by their paths in the folder; the first one is the scene."""
-    shared_differences(scene, differences)
+    parts = list(parts_of(scene))
+    shared_differences(scene, parts, differences)
     materials = Materials(scene, differences)
     files: Contents = {}
     shapes = []
-    for part in parts_of(scene):
+    for part in parts:
         path = f"meshes/{part.name}.ply"
         files[path] = ply_bytes(part)
         shapes.append(_shape(part, path, materials))

@@ -20,6 +20,7 @@ from raytrace.records import (
 )  # fmt: skip
 from raytrace.texture_records import ATTRIBUTE, BILINEAR, CHECKERBOARD, NEAREST, Texture
 
+ABOVE_1 = "radiance", "k"  # parameters whose textures may have values above 1
 MOST_K = 1e4  # absorption index instead of an infinite one: the reflectance is 1 - 4e-8
 
 
@@ -62,28 +63,31 @@ class Materials:
         texture = self._texture_of(k)
         return put("rgb", name, self._table.albedo[k]) if texture is None else self._texture(name, texture)
 
-    def _texture(self, name: str, numbered: tuple[int, Texture], absorption: bool = False) -> Element:
-        """Return a texture; ``absorption``: of the absorption index k instead of the reflectance."""
+    def _texture(self, name: str, numbered: tuple[int, Texture]) -> Element:
+        """Return a texture of a reflectance, of radiance, or of the absorption index k that a reflectance has."""
         number, texture = numbered
         u, v = texture.scale
         if texture.kind == ATTRIBUTE:
             return plugin("texture", "mesh_attribute", [put("string", "name", "vertex_color")], name=name)
-        if texture.kind == CHECKERBOARD:
-            colours = absorption_of(texture.codes[0]) if absorption else texture.codes[0]
+        checks = texture.kind == CHECKERBOARD
+        if checks and name not in ABOVE_1:
             scale = transform("to_uv", ("scale", {"x": u / 2, "y": v / 2}))
-            both = [put("rgb", "color0", colours[0]), put("rgb", "color1", colours[1])]
+            both = [put("rgb", f"color{j}", texture.codes[0, j]) for j in range(2)]
             return plugin("texture", "checkerboard", [*both, scale], name=name)
-        path = self._file(number, texture, "k" if absorption else "")
+        if checks:  # an image of two by two texels, because colours of a checkerboard are at most 1
+            texture = texture._replace(codes=np.concatenate([texture.codes, texture.codes[:, ::-1]]))
+        path = self._file(number, texture, name)
         children = [
             put("string", "filename", path),
             put("boolean", "raw", path.endswith(".exr")),
-            put("string", "filter_type", "nearest" if texture.kind == NEAREST else "bilinear"),
-            transform("to_uv", ("scale", {"x": u, "y": -v})),
+            put("string", "filter_type", "nearest" if checks or texture.kind == NEAREST else "bilinear"),
+            transform("to_uv", ("scale", {"x": u / 2 if checks else u, "y": -v / 2 if checks else -v})),
         ]
         return plugin("texture", "bitmap", children, name=name)
 
-    def _file(self, number: int, texture: Texture, use: str) -> str:
+    def _file(self, number: int, texture: Texture, name: str) -> str:
         """Write the image of a texture, once; return its path."""
+        use = "k" if name == "k" else ""
         if (number, use) not in self._files:
             suffix, data = texture_file(texture)
             if use:
@@ -137,7 +141,7 @@ class Materials:
         if texture[1].kind == BILINEAR:
             text = "Mitsuba has no conductor with the reflectance of an image, only with its absorption index"
             self._differences.add(where, text, "the absorption index is interpolated between the texels")
-        return [one, self._texture("k", texture, absorption=True)]
+        return [one, self._texture("k", texture)]
 
 
 def absorption_of(reflectance: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -26,9 +26,9 @@ from raytrace.records import Camera, Lights, Scene
 
 def export(scene: Scene, name: str, differences: Differences) -> Contents:
     """Return the files of a scene, by their paths in the folder; the first one is the scene."""
-    shared_differences(scene, differences)
-    files: Contents = {}
     parts = list(parts_of(scene))
+    shared_differences(scene, parts, differences)
+    files: Contents = {}
     materials = Materials(scene, parts, differences)
     lines = [comment(f"{scene.about or name}: exported by raytrace for pbrt-v4"), ""]
     lines += ['Option "disabletexturefiltering" true', *_settings(scene, name), *_camera(scene), "", "WorldBegin", ""]

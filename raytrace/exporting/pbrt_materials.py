@@ -6,7 +6,7 @@ from raytrace.exporting.backs import back_may_be_seen
 from raytrace.exporting.common import Contents, unique_names, used_materials
 from raytrace.exporting.differences import Differences
 from raytrace.exporting.images import texture_file
-from raytrace.exporting.meshes import Part
+from raytrace.exporting.meshes import Part, reflects_nothing
 from raytrace.exporting.pbrt_text import directive, parameter
 from raytrace.records import (
     CONDUCTOR,
@@ -145,8 +145,7 @@ class Materials:
     def _check_back(self, part: Part) -> None:
         """Note a part whose back is black here, and reflects in pbrt, if it may be seen."""
         table, k = self._table, part.material
-        black = not table.albedo[k].any()
-        if table.kind[k] not in (DIFFUSE, PLASTIC) or table.two_sided[k] or black:
+        if table.kind[k] not in (DIFFUSE, PLASTIC) or table.two_sided[k] or reflects_nothing(self._scene, k):
             return
         if back_may_be_seen(self._scene, part):
             text = "pbrt has no diffuse surface that is black from behind, and this back may be seen"

@@ -11,8 +11,8 @@ def parameter(kind: str, name: str, *values: Any) -> str:
 
     >>> parameter("rgb", "L", 1, 0.5, 0.1)
     '"rgb L" [ 1.0 0.5 0.1 ]'
-    >>> parameter("string", "filename", "a.ply"), parameter("bool", "twosided", False)
-    ('"string filename" [ "a.ply" ]', '"bool twosided" [ false ]')
+    >>> parameter("string", "filename", "a.ply"), parameter("bool", "twosided", True)
+    ('"string filename" [ "a.ply" ]', '"bool twosided" [ true ]')
     """
     texts = [_word(kind, value) for value in np.ravel(np.array(values, dtype=object))]
     return f'"{kind} {name}" [ {" ".join(texts)} ]'
