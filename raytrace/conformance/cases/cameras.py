@@ -17,6 +17,19 @@ COLOURS: dict[str, Colour] = {
     "lower right": (0.7, 0.7, 0.2),
 }
 EDGES = 3.75, 2.75, 42.5, 28.5  # pixels of the film where the four squares end: left, top, right, bottom
+SHIFTS = {  # shares of the pixels at the edges that are covered: left, top, right, bottom
+    "the image is half a pixel too far to the right": (0.0, 0.25, 1.0, 0.5),
+    "the image is half a pixel too far to the left": (0.75, 0.25, 0.0, 0.5),
+    "the image is half a pixel too low": (0.25, 0.0, 0.5, 1.0),
+    "the image is half a pixel too high": (0.25, 0.75, 0.5, 0.0),
+    "the image is half a pixel too far to the left and too high": (0.75, 0.75, 0.0, 0.0),
+    "the image is half a pixel too far to the right and too low, or all samples are at the centres of pixels": (
+        0.0,
+        0.0,
+        1.0,
+        1.0,
+    ),
+}
 SOFT = 0.1  # tolerance of single columns, whose pixels are black or bright by chance
 
 
@@ -47,20 +60,11 @@ def _film(name: str, kind: str, camera: dict[str, Any], extent: float) -> Case:
     regions.append(Region("top edge", (26, 2, 40, 3), _scaled(COLOURS["upper right"], 0.25), SOFT))
     regions.append(Region("right edge", (42, 18, 43, 26), _scaled(COLOURS["lower right"], 0.5), SOFT))
     regions.append(Region("bottom edge", (6, 28, 22, 29), _scaled(COLOURS["lower left"], 0.5), SOFT))
-    shares = {
-        "the image is half a pixel too far to the right": (0.0, 0.25, 1.0, 0.5),
-        "the image is half a pixel too far to the left": (0.75, 0.25, 0.0, 0.5),
-        "the image is half a pixel too low": (0.25, 0.0, 0.5, 1.0),
-        "the image is half a pixel too high": (0.25, 0.75, 0.5, 0.0),
-        "the image is half a pixel too far to the left and too high": (0.75, 0.75, 0.0, 0.0),
-        "the image is half a pixel too far to the right and too low": (0.0, 0.0, 1.0, 1.0),
-        "all samples are at the centres of pixels": (0.0, 0.0, 1.0, 1.0),
-    }
     at = ("upper left", "upper right", "lower right", "lower left")
     inner = tuple(COLOURS.values())
     wrong = [
         Cause(text, inner + tuple(_scaled(COLOURS[key], share) for key, share in zip(at, four, strict=True)))
-        for text, four in shares.items()
+        for text, four in SHIFTS.items()
     ]
     wrong.append(_fov(width, height))
     return Case(

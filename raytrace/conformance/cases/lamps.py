@@ -21,6 +21,7 @@ def cases() -> Iterator[Case]:
     yield _large()
     yield _tilted()
     yield from _sides()
+    yield _behind()
 
 
 def _ply(vertices: np.ndarray, faces: list[list[int]]) -> bytes:
@@ -136,8 +137,11 @@ def _sides() -> Iterator[Case]:
         ),
         "sides",
     )
+
+
+def _behind() -> Case:
     below = {"rectangle": {}, "translate": [0, 0, 1]}  # its front looks away from the plane
-    yield Case(
+    return Case(
         "lamp-behind",
         "A plane of albedo 1/2 that emits 0.2, below the back of a black lamp that emits 0.8.",
         scene(
