@@ -58,6 +58,7 @@ def cause_of(images: Images, regions: Sequence[Region], causes: Sequence[Cause])
     means = np.array([each.mean for each in measured])
     slack = np.array([4 * each.noise + each.step for each in measured])
     allowed = np.array([[max(region.tolerance, NEAR / 2)] for region in regions])
+    strict = np.array([[region.tolerance] for region in regions])
     right = np.array([region.expected for region in regions])
     found = [Deviation(cause.text, _worst(means, np.array(cause.expected), allowed, slack)) for cause in causes]
     own = min(found, key=lambda each: each.worst, default=None)
@@ -66,7 +67,7 @@ def cause_of(images: Images, regions: Sequence[Region], causes: Sequence[Cause])
     for text, change in CHANGES:
         changed = images._replace(rgb=change(images.rgb), eight_bits=False)
         values = np.array([measure(changed, region).mean for region in regions])
-        if _worst(values, right, allowed, slack) <= 1:
+        if _worst(values, right, strict, slack) <= 1:  # the scene would pass
             return text
     found = [Deviation(text, _worst(means, factor * right, allowed, slack)) for factor, text in FACTORS]
     best = min(found, key=lambda each: each.worst)
