@@ -31,6 +31,7 @@ def folder(tmp_path_factory):
     """The suite without the scenes of other renderers."""
     path = tmp_path_factory.mktemp("suite")
     answers = {"schema": SCHEMA, "scenes": [entry(case) for case in CASES.values()]}
+    (path / ANSWERS).parent.mkdir()
     (path / ANSWERS).write_text(json.dumps(answers))
     for case in CASES.values():
         (path / f"{case.name}.json").write_text(json.dumps(scene_of(case)))
@@ -223,6 +224,7 @@ def test_the_suite_is_written_for_three_renderers(tmp_path, monkeypatch, capsys)
     assert answers["not_exported"]["mitsuba"] == {}
     assert list(answers["not_exported"]["pbrt"]) == ["spot-falloff"]
     assert answers["not_exported"]["pbrt"]["spot-falloff"].startswith("lights.spot: pbrt has no spot")
+    assert len([*(tmp_path / "suite").glob("*.json")]) == len(few)
     readme = (tmp_path / "suite" / "README.md").read_text()
     assert "| `texture-linear` | 24 x 16 | 1024 | 1 |" in readme
     assert "`spot-falloff`: lights.spot" in readme
@@ -237,7 +239,7 @@ def test_the_suite_is_written_for_three_renderers(tmp_path, monkeypatch, capsys)
     [
         ([], 2, "expected -o DIR"),
         (["nowhere", "--images", "."], 4, "write a suite first"),
-        ([".", "--images", "nowhere"], 4, "suite.json"),
+        ([".", "--images", "nowhere"], 4, "answers.json"),
     ],
 )
 def test_mistakes_are_named(words, code, text, tmp_path, monkeypatch, capsys):
@@ -247,6 +249,7 @@ def test_mistakes_are_named(words, code, text, tmp_path, monkeypatch, capsys):
 
 
 def test_a_suite_is_checked(folder, tmp_path, capsys):
+    (tmp_path / ANSWERS).parent.mkdir()
     (tmp_path / ANSWERS).write_text('{"schema": "raytrace.conformance/9", "scenes": []}')
     assert main(["conformance", str(tmp_path), "--images", str(tmp_path)]) == 4
     assert "raytrace.conformance/9" in capsys.readouterr().err

@@ -12,8 +12,8 @@ from raytrace.errors import FileError, RaytraceError, printable
 from raytrace.files import write_whole
 from raytrace.output_folder import check_folder, write
 
-SCHEMA = "raytrace.conformance/1"  # of suite.json; the number changes when a field changes its meaning or is removed
-ANSWERS = "suite.json"
+SCHEMA = "raytrace.conformance/1"  # of the answers; the number changes when a field changes its meaning or is removed
+ANSWERS = "answers/answers.json"  # in a folder of its own: so all *.json of the suite are scenes
 FORMATS = ("mitsuba", "pbrt")
 README = """\
 # {count} scenes whose light has a closed form
@@ -32,8 +32,7 @@ Written by raytrace {version}. The answers are in `{answers}`; the documentation
 | name | that of the scene, such as `{first}.exr`; images of other seeds are `{first}-1.exr`, `{first}-2.exr` ... |
 
 Then `raytrace conformance DIR --images IMAGES` judges the images: DIR is this folder, IMAGES that of the images.
-raytrace itself: `for s in DIR/*.json; do raytrace render $s -o IMAGES/$(basename $s .json).exr; done`; it reports
-`{answers}` as no scene, which is harmless.
+raytrace itself: `for s in DIR/*.json; do raytrace $s -o IMAGES/$(basename $s .json).npz; done`.
 
 Fewer samples are allowed: an image whose noise could explain its error is not judged.
 
@@ -70,6 +69,7 @@ def write_suite(folder: Path) -> tuple[Path, ...]:
     paths = write(folder, files)
     missing = {to: _export(folder, cases, to) for to in FORMATS}
     answers = {"schema": SCHEMA, "raytrace": raytrace.__version__, "scenes": [entry(case) for case in cases]}
+    check_folder((folder / ANSWERS).parent)
     write_whole(folder / ANSWERS, _json(answers | {"not_exported": missing}))
     write_whole(folder / "README.md", _readme(cases, missing).encode())
     return (*paths, folder / ANSWERS, folder / "README.md")
