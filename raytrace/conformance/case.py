@@ -106,6 +106,6 @@ def scene(
     }
 
 
-def floor(scale: float = 1000.0, **more: Any) -> dict[str, Any]:
+def floor(scale: float = 10.0, **more: Any) -> dict[str, Any]:
     """A large square at z = 0 that faces +z."""
     return {"rectangle": {}, "scale": scale, **more}
