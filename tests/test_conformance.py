@@ -118,6 +118,14 @@ def test_changed_images_fail_with_their_cause(folder, tmp_path, name, change, ca
     assert cause in scene.reason
 
 
+def test_a_factor_that_scenes_share_is_named(folder, tmp_path):
+    names = ("point-light", "furnace-room-1", "large-lamp", "rough-metal")
+    found = judged(folder, tmp_path, {f"{name}.npz": np.float32(1.03) * painted(CASES[name]) for name in names})
+    assert {found[name].reason for name in names} == {
+        "off by a factor of 1.030, as 3 other scenes: units or exposure of lights"
+    }
+
+
 def test_what_cannot_be_judged(folder, tmp_path):
     right, rng = painted(CASES["film-pinhole"]), np.random.default_rng(0)
     noisy = np.where(rng.random((32, 32, 1)) < 0.001, 520.0, 0.0) * np.ones(3)  # 0.5 on average, nearly
@@ -178,10 +186,10 @@ PLANTED = {  # bug of tests/light_catches.py: scenes, and what the cause says
     "no factor (n_from / n_to)^2": ("inside-slab-48", "eta^2"),
     "a depth less": ("furnace-room-1", "off by -1"),
     "cosine twice": ("point-light", "cosine at the surface counts twice"),
-    "weights do not sum to one": ("large-lamp", ""),
-    "light 3 % brighter": ("furnace-room-48", ""),
+    "weights do not sum to one": ("large-lamp", "look at: weights of multiple importance sampling"),
+    "light 3 % brighter": ("point-light", "no known cause"),
     "roulette without compensation": ("furnace-room-48", "Russian roulette"),
-    "area density not converted": ("large-lamp", ""),
+    "area density not converted": ("tilted-lamp", "not converted to solid angle"),
 }
 
 

@@ -8,6 +8,8 @@ TOLERANCE = 0.01  # relative: five standard errors of a path tracer, and what te
 EXACT = 0.005  # where every sample has nearly the same value
 DEEP = 48  # surfaces: all light but a part in 10^6
 
+WEIGHTS = "weights of multiple importance sampling, and densities of lamps and directions"
+
 Colour = tuple[float, float, float]
 
 
@@ -37,6 +39,7 @@ class Case(NamedTuple):
     causes: tuple[Cause, ...] = ()
     section: str = ""  # of docs/closed-forms.md
     samples: int = SAMPLES
+    suspect: str = ""  # what to look at where no cause fits
     approximate: tuple[str, ...] = ()  # formats whose approximation has the same answer here
     files: dict[str, bytes] = {}  # images and meshes, by their names beside the scene
 

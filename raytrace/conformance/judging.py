@@ -14,6 +14,8 @@ from raytrace.conformance.writing import ANSWERS, SCHEMA
 from raytrace.errors import FileError, RaytraceError, printable
 
 PASSES, FAILS, UNJUDGED, MISSING = "passes", "fails", "cannot be judged", "not rendered"
+UNKNOWN = "no known cause fits"
+SHARED, MANY = 0.004, 3  # scenes whose errors are this close, and so many, share a cause
 SIGNIFICANT, SMALL = 6.0, 2e-3  # standard errors, relative error: what is above both is worth a remark
 ACCURACY = 3e-4  # relative: of the answers, for rounding, meshes, and pixels that are not points
 SIGMAS = 4.0  # standard errors that noise may explain
@@ -78,7 +80,7 @@ def judge(suite: Path, images: Path) -> Judgement:
     FileError
         A folder can't be read, or the first holds no suite.
     """
-    return Judgement(tuple(_judge_scene(scene, images) for scene in read_answers(suite)))
+    return Judgement(_with_common_factor([_judge_scene(scene, images) for scene in read_answers(suite)]))
 
 
 def read_answers(folder: Path) -> list[dict[str, Any]]:
@@ -97,7 +99,8 @@ def read_answers(folder: Path) -> list[dict[str, Any]]:
         for scene in content["scenes"]:
             scene["regions"] = [_region(region) for region in scene["regions"]]
             scene["causes"] = [Cause(each["text"], tuple(map(tuple, each["expected"]))) for each in scene["causes"]]
-            scene["name"], scene["about"], scene["size"] = str(scene["name"]), str(scene["about"]), list(scene["size"])
+            scene |= {key: str(scene[key]) for key in ("name", "about", "suspect")}
+            scene["size"] = list(scene["size"])
     except OSError as error:
         text = f"can't be read: {error.strerror}; write a suite first: raytrace conformance -o DIR"
         raise FileError(f"{printable(path)}: {text}") from error
@@ -147,7 +150,24 @@ def _remark(results: tuple[RegionResult, ...]) -> str:
 
 
 def _cause(images: Images, scene: dict[str, Any]) -> str:
-    return cause_of(images, scene["regions"], scene["causes"]) or "no known cause fits"
+    found = cause_of(images, scene["regions"], scene["causes"])
+    return found or (f"{UNKNOWN}; look at: {scene['suspect']}" if scene["suspect"] else UNKNOWN)
+
+
+def _with_common_factor(scenes: list[SceneResult]) -> tuple[SceneResult, ...]:
+    """Name a factor that several scenes without a known cause share."""
+    lost = [scene for scene in scenes if scene.verdict == FAILS and scene.reason.startswith(UNKNOWN)]
+    changed = {}
+    for scene in lost:
+        same = [other for other in lost if abs(_error(other) - _error(scene)) < SHARED]
+        if len(same) >= MANY:
+            text = f"off by a factor of {1 + _error(scene):.3f}, as {len(same) - 1} other scenes"
+            changed[scene.name] = scene._replace(reason=f"{text}: units or exposure of lights")
+    return tuple(changed.get(scene.name, scene) for scene in scenes)
+
+
+def _error(scene: SceneResult) -> float:
+    return scene.worst.error if scene.worst else 0.0
 
 
 def _judge_region(region: Region, measured: Measured) -> RegionResult:

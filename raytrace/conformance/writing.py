@@ -90,6 +90,7 @@ def entry(case: Case) -> dict[str, Any]:
         "samples": case.samples,
         "max_depth": case.scene["render"]["max_depth"],
         "regions": [region._asdict() for region in case.regions],
+        "suspect": case.suspect,
         "causes": [cause._asdict() for cause in case.causes],
     }
 

@@ -3,7 +3,18 @@
 import math
 from collections.abc import Iterator
 
-from raytrace.conformance.case import DEEP, Case, causes, diffuse, environment, everywhere, scene, told_apart, view
+from raytrace.conformance.case import (
+    DEEP,
+    WEIGHTS,
+    Case,
+    causes,
+    diffuse,
+    environment,
+    everywhere,
+    scene,
+    told_apart,
+    view,
+)
 from raytrace.conformance.formulas import furnace, lit_sphere, lossy_furnace
 
 INSIDE = view([0, 0, 0.5], [0, 0.2, -1], 60)
@@ -45,6 +56,7 @@ def _rooms() -> Iterator[Case]:
             everywhere(furnace(albedo, emission, depth)),
             causes(*wrong),
             "furnace",
+            suspect=f"{WEIGHTS}; Russian roulette",
         )
     ball = {"sphere": {"center": [0, 0, 0], "radius": 1}, "flip": True}
     yield Case(
@@ -97,6 +109,7 @@ def _bodies() -> Iterator[Case]:
                 ("directions are uniform, but weighted as if by the cosine", 0.5 * albedo * 4 / 3),
             ),
             "furnace",
+            suspect=WEIGHTS,
         )
     ball = {"sphere": {"center": [0, 0, 0], "radius": 1}}
     yield Case(

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from raytrace.conformance.case import Case, causes, diffuse, environment, everywhere, floor, scene, view
+from raytrace.conformance.case import WEIGHTS, Case, causes, diffuse, environment, everywhere, floor, scene, view
 from raytrace.conformance.formulas import opposed_squares, polygon_irradiance
 
 TRIANGLE = np.array([[0.5, -0.4, 1], [0.2, 0.9, 1.5], [1.4, 0.6, 0.8]])
@@ -44,6 +44,7 @@ def _triangle() -> Case:
         everywhere(0.4),
         causes((PI, 0.4 * math.pi), (BOTH, 0.8)),
         "polygon",
+        suspect=WEIGHTS,
         files={"triangle-lamp.ply": _ply(TRIANGLE, [[0, 1, 2]])},
     )
 
@@ -60,6 +61,7 @@ def _squares() -> Case:
         everywhere(2.0 * factor),
         causes((PI, 2.0 * factor * math.pi), (BOTH, 4.0 * factor)),
         "squares",
+        suspect=WEIGHTS,
     )
 
 
@@ -77,6 +79,7 @@ def _large() -> Case:
         everywhere(0.4),
         causes((PI, 0.4 * math.pi), (BOTH, 0.8)),
         "polygon",
+        suspect=WEIGHTS,
     )
 
 
@@ -102,11 +105,13 @@ def _tilted() -> Case:
         everywhere(0.4),
         causes(
             ("the cosine at the lamp is missing", 0.4 / c),
-            ("the density of points on the lamp is not converted to solid angle: r^2 is missing", 0.4 * 9),
+            ("the density of points on the lamp is not converted to solid angle: r^2 / cos is missing", 0.4 * 9 / c),
+            ("the light of a lamp does not fall off with 1 / r^2", 0.4 * 9),
             ("the light of a lamp falls off with 1 / r instead of 1 / r^2", 0.4 * 3),
             (PI, 0.4 * math.pi),
         ),
         "polygon",
+        suspect=WEIGHTS,
     )
 
 
