@@ -231,7 +231,7 @@ COMMANDS = {
 def _parser(name: str, command: Command) -> ArgumentParser:
     parser = arguments.Parser("raytrace" if name == "render" else f"raytrace {name}", command.about)
     if name == "render":
-        words = "".join(f"  {word:<10}{each.about}\n" for word, each in COMMANDS.items())
+        words = "".join(f"  {word:<13}{each.about}\n" for word, each in COMMANDS.items())
         parser.description = f"Render a scene.\n\n{EXAMPLES}\ncommands (raytrace COMMAND --help):\n{words}"
         parser.add_argument("--version", action="version", version=f"raytrace {raytrace.__version__}")
     command.options(parser)
