@@ -12,7 +12,10 @@ from raytrace.accel.lanes import PACKET
 from raytrace.errors import OptionError
 from raytrace.jit import load_all
 from raytrace.limits import MAX_DEPTH
-from raytrace.passes.camera import make_view
+from raytrace.passes.camera import camera_rays, make_view
+from raytrace.passes.estimate import errors
+from raytrace.passes.film import accumulate, develop
+from raytrace.passes.lens import lens_rays
 from raytrace.passes.paths import begin_paths
 from raytrace.passes.sampling import make_sampler
 from raytrace.records import Columns, Scene
@@ -26,6 +29,7 @@ from raytrace.scene.load import load
 F8 = NDArray[np.float64]
 BATCHES = 16  # independent batches of samples per ray: their means give the standard error
 MOST_RAYS = 2**31
+UNUSED = camera_rays, lens_rays, accumulate, errors, develop  # kernels of a camera and its film
 
 
 class Probe(NamedTuple):
@@ -204,7 +208,8 @@ def _measure(probe: Probe, threads: int) -> tuple[F8, F8]:
         return mean, stderr
     from raytrace.rendering.kernels import tracing
 
-    load_all(list(tracing(_front(probe, PACKET)))[:-3])  # in this thread, which can be interrupted; without the film's
+    # in this thread, which can be interrupted
+    load_all(call for call in tracing(_front(probe, PACKET)) if call[0] not in UNUSED)
     own = threading.local()
     size = max(1, BATCH // (probe.batches * probe.samples))
 
