@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.2.0.dev0"
 
 if TYPE_CHECKING:
-    from raytrace import bsdf, show, textbook
+    from raytrace import bsdf, show, testing, textbook
     from raytrace.accel.bvh import BVH
     from raytrace.errors import FileError, OptionError, RaytraceError, SceneError
     from raytrace.image.metrics import compare
     from raytrace.optics import reflect, refract, spawn_ray
     from raytrace.point_records import ClosestPoint
     from raytrace.records import AllHits, Hits, Scene, Surface
+    from raytrace.rendering.given_rays import radiance
     from raytrace.rendering.pixel_rays import camera_rays
     from raytrace.rendering.rendering import render
     from raytrace.rendering.result import Render
@@ -42,6 +43,7 @@ _HOME = {
     "demo": "scene.demo_scene",
     "explain": "scene.plan",
     "load": "scene.load",
+    "radiance": "rendering.given_rays",
     "reflect": "optics",
     "refract": "optics",
     "render": "rendering.rendering",
@@ -67,12 +69,14 @@ __all__ = [
     "demo",
     "explain",
     "load",
+    "radiance",
     "reflect",
     "refract",
     "render",
     "report",
     "show",
     "spawn_ray",
+    "testing",
     "textbook",
 ]
 
@@ -80,7 +84,7 @@ __all__ = [
 if not TYPE_CHECKING:  # a type checker would take any name for one of these
 
     def __getattr__(name: str) -> Any:
-        if name in ("bsdf", "show", "textbook"):  # packages with public names of their own
+        if name in ("bsdf", "show", "testing", "textbook"):  # packages with public names of their own
             return import_module(f"{__name__}.{name}")
         if name not in _HOME:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

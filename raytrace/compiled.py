@@ -5,6 +5,7 @@ bit-identical, Numba compiles only the call, and ``nogil``, ``parallel`` and ``c
 ``NUMBA_DISABLE_JIT=1``, they give the same results.
 """
 
+import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -186,7 +187,8 @@ def _rays(
 ) -> tuple[Rays, int, bool]:
     """Return checked rays, their number, and whether they are given as one ray."""
     dtype = scene.extent.dtype
-    fields, n = check_rays(origin, direction, tmin, tmax, dtype)
+    fields, shape = check_rays(origin, direction, tmin, tmax, dtype)
+    n = math.prod(shape)
     axes = np.ndim(origin), np.ndim(direction), np.ndim(tmin), np.ndim(tmax)
     return rays_of(fields, 0, n, dtype), n, axes == (1, 1, 0, 0)
 

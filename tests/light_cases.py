@@ -6,6 +6,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from raytrace.conformance.formulas import (
+    fresnel,
+    furnace,
+    inside_slab,
+    lit_sphere,
+    opposed_squares,
+    polygon_irradiance,
+    slab_reflection,
+    slab_transmission,
+)
 from small_scenes import ball, box, quad
 
 DEEP = 200  # surfaces: all but 1e-6 of the light
@@ -63,7 +73,7 @@ def furnaces() -> Iterator[Case]:
     for name, shape in (("room", CUBE), ("sphere", sphere)):
         for depth in (1, 2, 5, DEEP):  # L = Le (1 + rho + rho^2 ...): a geometric series in any closed mesh
             room = scene([(shape[:, ::-1], diffuse(0.5, 0.25))], inside, depth)
-            yield Case(f"{name} of albedo 1/2 that emits, depth {depth}", room, 0.25 * (1 - 0.5 ** (depth + 1)) / 0.5)
+            yield Case(f"{name} of albedo 1/2 that emits, depth {depth}", room, furnace(0.5, 0.25, depth))
     for integrator, depth in (("path", 1), ("path", 4), ("direct", 4)):  # a convex body sees nothing of itself
         body = scene([(CUBE, diffuse(0.6))], OUTSIDE, depth, lights=environment(0.5), integrator=integrator)
         yield Case(f"convex body in an environment, {integrator}, depth {depth}", body, 0.3)
@@ -74,10 +84,10 @@ def furnaces() -> Iterator[Case]:
     triangles, _ = ball(30)
     glass = scene([(triangles, GLASS)], {**OUTSIDE, "fov": 20}, DEEP, lights=environment(0.5))
     yield Case("a glass ball cannot be seen", glass, 0.5)  # no light is lost, and radiance / n^2 is conserved
-    yield lit_sphere(120, 6)
+    yield point_in_sphere(120, 6)
 
 
-def lit_sphere(rings: int, depth: int) -> Case:
+def point_in_sphere(rings: int, depth: int) -> Case:
     """Inside of a sphere of albedo 1/2 with a point light at its centre: E = Phi / (4 pi), then 1/2 at each surface.
 
     A point of a facet sees the light at an angle of at most delta, the angular radius of the largest facet, and lies
@@ -93,12 +103,7 @@ def lit_sphere(rings: int, depth: int) -> Case:
         lights=[{"type": "point", "position": [0, 0, 0], "flux": [2 * math.pi**2] * 3}],
     )
     name = f"sphere of {len(triangles)} triangles with a point light at its centre, depth {depth}"
-    return Case(name, lit, (1 - 2.0**-depth) / 2, 1 / math.cos(delta) ** 3 - 1)
-
-
-def square_factor() -> float:
-    """Form factor of two opposed squares at the distance of their sides [Howell C-11]."""
-    return 2 / math.pi * (math.log(math.sqrt(4 / 3)) + 2 * math.sqrt(2) * math.atan(1 / math.sqrt(2)) - math.pi / 2)
+    return Case(name, lit, lit_sphere(2 * math.pi**2, 1, 0.5, depth), 1 / math.cos(delta) ** 3 - 1)
 
 
 def above_square() -> dict[str, Any]:
@@ -133,7 +138,7 @@ def lights() -> Iterator[Case]:
     yield Case(
         "directional light on a plane", scene([(PLANE, diffuse(0.5))], ABOVE, 1, lights=sun), math.cos(0.5) / math.pi
     )
-    factor, above = square_factor(), above_square()
+    factor, above = opposed_squares(), above_square()
     for integrator in ("path", "direct"):  # [Howell C-11]
         squares = [(SQUARE, diffuse(0.8)), ((SQUARE + [0, 0, 1])[:, ::-1], diffuse(0.0, 2.0))]
         yield Case(f"two opposed squares, {integrator}", scene(squares, above, 1, integrator=integrator), 1.6 * factor)
@@ -142,38 +147,23 @@ def lights() -> Iterator[Case]:
     yield Case("back of a lamp that reflects on both sides", behind, 0.3)
     corners = np.array([[0.5, -0.4, 1], [0.2, 0.9, 1.5], [1.4, 0.6, 0.8]])
     lamp = scene([(PLANE, diffuse(0.5)), (corners[None], diffuse(0.0, 6.0))], {**ABOVE, "fov": 0.01}, 1)
-    yield Case("triangular lamp over a point", lamp, 0.5 / math.pi * 6 * lambert(corners), 5e-4)
+    yield Case("triangular lamp over a point", lamp, 0.5 / math.pi * 6 * polygon_irradiance(corners), 5e-4)
     turn = np.array([[math.cos(0.7), 0, -math.sin(0.7)], [0, 1, 0], [math.sin(0.7), 0, math.cos(0.7)]])
     small = (0.01 * SQUARE[:, ::-1]) @ turn  # at the origin of the coordinates, 100 above the floor
     aside = {"position": [50, 1, -30], "look_at": [0, 0, -100], "fov": 0.05}
     lamp = scene([(PLANE - [0, 0, 100], diffuse(0.5)), (small, diffuse(0.0, 3e8))], aside, 1)
-    expected = 0.5 / math.pi * 3e8 * lambert(np.array([*small[0], small[1, 0]]) + [0, 0, 100])
+    expected = 0.5 / math.pi * 3e8 * polygon_irradiance(np.array([*small[0], small[1, 0]]) + [0, 0, 100])
     yield Case("small tilted lamp far above a plane", lamp, expected, 1e-5)
-
-
-def lambert(corners: np.ndarray) -> float:
-    """Irradiance at the origin, on a plane of normal z, of a polygon of radiance 1, by Lambert's formula.
-
-    It is half the sum, over all edges, of the angle that the edge subtends times the z component of the unit normal of
-    the plane through the origin and the edge.
-    """
-    units = corners / np.linalg.norm(corners, axis=1, keepdims=True)
-    total = 0.0
-    for a, b in zip(units, np.roll(units, -1, axis=0), strict=True):
-        cross = np.cross(a, b)
-        total += math.acos(np.dot(a, b)) * cross[2] / np.linalg.norm(cross) / 2
-    return abs(total)
 
 
 def interfaces() -> Iterator[Case]:
     """Slabs of glass and mirrors: Fresnel's reflectance and the factor n^2 of radiance."""
     n = 1.5
-    r = ((n - 1) / (n + 1)) ** 2
     within = {"position": [0, 0, 0], "look_at": [0, 0, 1], "fov": 0.01}
     for depth in (1, 2, 30):
         slab = box((-1e4, -1e4, -1), (1e4, 1e4, 1))
         inside = scene([(slab, GLASS)], within, depth, lights=environment(0.2))
-        yield Case(f"inside of a slab, depth {depth}", inside, n * n * 0.2 * (1 - r**depth), 2e-5)
+        yield Case(f"inside of a slab, depth {depth}", inside, 0.2 * inside_slab(n, depth), 2e-5)
     for degrees in (0.0, 30.0, 60.0, 80.0, math.degrees(math.atan(n))):
         yield from slabs(degrees, n)
     for reflectance in (0.2, 0.9, 1.0):
@@ -193,18 +183,24 @@ def slabs(degrees: float, n: float) -> Iterator[Case]:
     """A slab of glass with light on one side, seen from either side; r^2 of the light that is inside stays there."""
     angle = math.radians(degrees)
     d = np.array([math.sin(angle), 0, -math.cos(angle)])
-    cos_i, cos_t = math.cos(angle), math.sqrt(1 - (math.sin(angle) / n) ** 2)
-    rs, rp = (cos_i - n * cos_t) / (cos_i + n * cos_t), (n * cos_i - cos_t) / (n * cos_i + cos_t)
-    r = (rs**2 + rp**2) / 2
+    r = fresnel(math.cos(angle), n)
     glass = box((-1e3, -1e3, -1), (1e3, 1e3, 0)), GLASS
     below = quad((-1e4, -1e4, -2), (1e4, -1e4, -2), (1e4, 1e4, -2), (-1e4, 1e4, -2))
     view = {"position": (-5 * d).tolist(), "look_at": [0, 0, 0], "fov": 0.01}
-    for depth, expected in ((100, (1 - r) / (1 + r)), (4, (1 - r) ** 2 * (1 + r * r))):
+    for depth in (100, 4):
         through = scene([glass, (below, diffuse(0.0, 0.5))], view, depth)
-        yield Case(f"through a slab at {degrees:.1f} degrees, depth {depth}", through, 0.5 * expected, 1e-5, True)
-    for depth, expected in ((100, 2 * r / (1 + r)), (3, r + (1 - r) ** 2 * r)):
+        yield Case(
+            f"through a slab at {degrees:.1f} degrees, depth {depth}",
+            through,
+            0.5 * slab_transmission(r, depth),
+            1e-5,
+            True,
+        )
+    for depth in (100, 3):
         back = scene([glass, (below, diffuse(0.0))], view, depth, lights=environment(0.2 / r))
-        yield Case(f"in a slab at {degrees:.1f} degrees, depth {depth}", back, 0.2 / r * expected, 1e-5, True)
+        yield Case(
+            f"in a slab at {degrees:.1f} degrees, depth {depth}", back, 0.2 / r * slab_reflection(r, depth), 1e-5, True
+        )
 
 
 def corridors() -> Iterator[Case]:
@@ -230,7 +226,7 @@ def corridors() -> Iterator[Case]:
 def large() -> Iterator[Case]:
     """What is too large for every day: spheres of 300,000 triangles."""
     for depth in (6, DEEP):
-        yield lit_sphere(275, depth)
+        yield point_in_sphere(275, depth)
     triangles, _ = ball(275)
     inside = {"position": [0, 0, 0.5], "look_at": [0, 0.2, -1], "fov": 60}
     shining = scene([(triangles[:, ::-1], diffuse(0.5, 0.25))], inside, DEEP)

@@ -71,6 +71,8 @@ LAYERS = {
     "reporting": ("textbook", "show", "golden", "cli"),
     "exporting": ("textbook", "accel", "passes", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
     "show": ("textbook", "golden", "cli"),
+    "testing": ("textbook", "image", "hardcases", "reporting", "show", "golden", "cli"),
+    "conformance": ("textbook", "hardcases", "reporting", "show", "golden", "cli"),
     "cli": ("textbook", "golden"),
     "adapters": ("textbook", "scene", "passes", "rendering", "hardcases", "reporting", "show", "golden", "cli"),
 }

@@ -11,8 +11,9 @@ from raytrace.errors import OptionError, SceneError
 from raytrace.passes.microfacet import reflection_density, transmission_density, visible_normal
 from raytrace.passes.plastic import coat_escape
 from raytrace.passes.rough import evaluate_conductor, evaluate_dielectric
+from raytrace.testing.charts import cell_integrals
 from raytrace.textbook.path import fresnel
-from scattering_oracles import MATERIALS, Chart, at_angle, cell_integrals, chi_square, energy
+from scattering_oracles import MATERIALS, at_angle, chi_square, energy, side_chart
 
 ALL = {
     **{name: {**material, "alpha": 0.3} for name, material in MATERIALS.items() if name != "plastic"},
@@ -82,7 +83,7 @@ def test_weak_white_furnace(alpha, degrees):
     mirror = np.array([-o[0], -o[1], o[2]])
     total = sum(
         cell_integrals(density, chart, 24, np.arange(24 * 24), 12).sum()
-        for chart in (Chart(mirror, alpha), Chart(-mirror, 1.0))
+        for chart in (side_chart(mirror, alpha), side_chart(-mirror, 1.0))
     )
     assert total == pytest.approx(1, abs=1e-3)
 
@@ -103,7 +104,7 @@ def test_weak_white_furnace_of_transmission(degrees):
     through = np.array([*(-o[:2] / eta), -math.sqrt(1 - (o[:2] @ o[:2]) / eta**2)])
     total = sum(
         cell_integrals(density, chart, 24, np.arange(24 * 24), 16).sum()
-        for chart in (Chart(through, 0.2), Chart(np.array([-through[0], -through[1], -through[2]]), 1.0))
+        for chart in (side_chart(through, 0.2), side_chart(np.array([-through[0], -through[1], -through[2]]), 1.0))
     )
     assert total == pytest.approx(1, abs=1e-3)
 

@@ -189,8 +189,8 @@ def test_rays_only_as_start_shows_them(capsys, monkeypatch):
     space = {}
     exec(program, space)
     assert [round(float(word), 3) for word in capsys.readouterr().out.split()] == [float(word) for word in told.split()]
-    in_rows = space["bvh"].closest_hit([0, 0, 4], space["directions"])
-    assert (space["t"] == in_rows.t).all()
+    in_rows = space["bvh"].closest_hit([0, 0, 4], space["directions"].reshape(-1, 3))
+    assert (space["hits"].t.ravel() == in_rows.t).all()
 
 
 def test_what_live_shows_works():

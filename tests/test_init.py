@@ -40,12 +40,15 @@ HEAVY = {
     "OpenEXR",
     "rich",
 }
-FUNCTIONS = {"camera_rays", "load", "render", "explain", "compare", "demo", "reflect", "refract", "report", "spawn_ray"}
+FUNCTIONS = {
+    *("camera_rays", "compare", "demo", "explain", "load", "radiance", "reflect", "refract", "render", "report"),
+    "spawn_ray",
+}
 CLASSES = {
     *("AllHits", "BVH", "ClosestPoint", "Hits", "Render", "Scene", "Surface"),
     *("RaytraceError", "SceneError", "FileError", "OptionError"),
 }
-ROOMS = {"bsdf", "show", "textbook"}
+ROOMS = {"bsdf", "show", "testing", "textbook"}
 SUBMODULES = [
     "rendering.rendering",
     "rendering.result",

@@ -13,6 +13,7 @@ from raytrace.accel.lanes import (
     absolute,
     bits,
     compress,
+    convert,
     count,
     first_bit,
     fma,
@@ -21,6 +22,8 @@ from raytrace.accel.lanes import (
     lane_min,
     lane_numbers,
     load,
+    load_block,
+    load_block_rows,
     load_rows,
     machine_epsilon,
     mask_of,
@@ -38,6 +41,7 @@ from raytrace.accel.lanes import (
     splat_int,
     sqrt,
     store,
+    store_block,
     to_int,
     to_real,
 )
@@ -257,6 +261,13 @@ def test_plain_functions_mean_what_they_say():
     assert power_of_two(np.array([3.99, -0.3, 4, 0, 1e-40], "f4")).tolist() == [2, 0.25, 4, 0, 0]
     assert load(np.arange(9.0), 2, 4).tolist() == [2, 3, 4, 5]
     assert [column.tolist() for column in load_rows(np.arange(9.0), 1, 2)] == [[1, 4], [2, 5], [3, 6]]
+    eight = np.zeros(8)
+    assert load_block(np.arange(20.0), 2, 10, eight).tolist() == [2, 3, 4, 5, 12, 13, 14, 15]
+    assert load_block_rows(np.arange(50.0), 1, 20, eight)[1].tolist() == [2, 5, 8, 11, 22, 25, 28, 31]
+    block = np.zeros(12)
+    store_block(block, 1, 6, np.arange(8.0) + 1)
+    assert block.tolist() == [0, 1, 2, 3, 4, 0, 0, 5, 6, 7, 8, 0]
+    assert convert(np.array([1 + 2.0**-30, -2]), x[:2].astype("f4")).tolist() == [1, -2]
     assert lane_numbers(x).tolist() == [0, 1, 2, 3]
     assert splat_int(-1, 4).tolist() == [-1] * 4
     assert gather(np.arange(9.0), np.array([8, 0], np.int32)).tolist() == [8, 0]

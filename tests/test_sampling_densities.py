@@ -17,26 +17,20 @@ from raytrace.passes import warp
 from raytrace.passes.compaction import go_on
 from raytrace.passes.paths import DEAD, ROULETTE_FROM, SURVIVE
 from raytrace.rendering import path_wavefront
+from raytrace.testing.samplers import pearson
 from small_scenes import box, quad
 
 N = 400_000
 TESTS = 16  # of this file
 LEVEL = sidak(1e-3, TESTS)
-LEAST = 10  # expected samples per bin
 
 
 def p_value(counts, expected):
-    """Pearson's chi-square test; bins that expect few samples are merged."""
+    """Pearson's chi-square test of all samples."""
     counts, expected = np.ravel(counts).astype(float), np.ravel(expected).astype(float)
     assert counts[expected == 0].sum() <= 1e-4 * counts.sum()  # bins that numerical integration barely misses
     assert expected.sum() == pytest.approx(counts.sum(), rel=1e-3)  # the density integrates to 1
-    few = expected < LEAST
-    if few.any():
-        counts = np.append(counts[~few], counts[few].sum())
-        expected = np.append(expected[~few], expected[few].sum())
-        keep = expected > 0
-        counts, expected = counts[keep], expected[keep]
-    return stats.chi2.sf(((counts - expected) ** 2 / expected).sum(), len(counts) - 1)
+    return pearson(counts, expected, counts.sum()).p_value
 
 
 def binned(a, b, a_range, b_range, bins=16):

@@ -149,6 +149,7 @@ def test_broadcast_fields_take_no_memory(bvh, dtype, monkeypatch):
 def test_images_in_both_precisions(precision):
     bvh = rt.BVH(*MESH, precision)
     o, d = image(35, 50, dtype=precision)
-    hits, blocked = in_rows(bvh, o, d)
+    tmax = np.linspace(0.1, 2, 50)
+    hits, blocked = in_rows(bvh, o, d, 0.0, tmax.astype(precision))
     assert 0.1 < blocked.mean() < 0.95
-    assert rays.same_hits(bvh.closest_hit(o, d), hits)
+    assert rays.same_hits(bvh.closest_hit(o, d, tmax=tmax), hits)

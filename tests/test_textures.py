@@ -9,7 +9,8 @@ import pytest
 
 import raytrace as rt
 import texture_twins as twins
-from light_cases import above_square, square_factor
+from light_cases import above_square
+from raytrace.conformance.formulas import opposed_squares
 from raytrace.image.texels import srgb_table
 from raytrace.passes import textures
 from raytrace.textbook.integrator import render as textbook
@@ -232,7 +233,7 @@ def test_light_of_a_textured_lamp_is_that_of_its_mean(folder, integrator):
     }
     loaded = rt.load(scene)
     means = np.array([rt.render(loaded, seed=seed).rgb.mean(axis=(0, 1), dtype=np.float64) for seed in range(8)])
-    want = 0.8 * square_factor() * np.array([2, 1, 0.5])
+    want = 0.8 * opposed_squares() * np.array([2, 1, 0.5])
     spread = means.std(axis=0, ddof=1) / math.sqrt(8)
     assert (abs(means.mean(axis=0) - want) <= 4.5 * spread + 1e-5 * want).all()
     assert (spread < 0.02 * want).all()

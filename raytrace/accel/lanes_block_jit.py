@@ -5,12 +5,12 @@ from numba.core import types
 from numba.core.typing.templates import signature
 
 from raytrace.accel import lanes
-from raytrace.accel.lanes_jit import pointer
+from raytrace.accel.lanes_jit import lane_count, pointer
 from raytrace.accel.lanes_types import I32, I64, Lanes, Mask, registered, vector_of
 
 
 def _vectors(a, like):
-    return types.UniTuple(Lanes(a.dtype, like.n), 3)
+    return types.UniTuple(Lanes(a.dtype, lane_count(like)), 3)
 
 
 def _emit_load_rows(builder, sig, args):

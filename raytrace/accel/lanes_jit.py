@@ -23,7 +23,7 @@ from raytrace.accel.lanes_types import (
 )
 
 
-def _count(like):
+def lane_count(like):
     return like.literal_value if isinstance(like, types.IntegerLiteral) else like.n
 
 
@@ -38,7 +38,7 @@ def pointer(builder, sig, args):
 
 
 def _load_type(a, i, like):
-    n = _count(like)
+    n = lane_count(like)
     return signature(Mask(n) if a.dtype == types.boolean else Lanes(a.dtype, n), a, types.int64, like)
 
 
@@ -217,7 +217,9 @@ def _emit_reduce(name):
 registered(lambda x, like: signature(Lanes(like.elem, like.n), like.elem, like), _emit_splat)(lanes.splat)
 
 
-registered(lambda x, like: signature(Lanes(types.int32, _count(like)), types.int32, like), _emit_splat)(lanes.splat_int)
+registered(lambda x, like: signature(Lanes(types.int32, lane_count(like)), types.int32, like), _emit_splat)(
+    lanes.splat_int
+)
 
 
 registered(

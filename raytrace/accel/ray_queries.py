@@ -79,12 +79,13 @@ class RayQueries:
         t, u, v = memory[: 3 * n * size].view(dtype).reshape(3, n)
         hits = Hits(t, memory[3 * n * size :].view(np.int32), u, v)
         unused: list[reorder.SortScratch] = []
+        tree, grid = self.tree, self.grid  # of the whole query, even if another thread refits
 
         def trace(begin: int, end: int) -> None:
             part = Hits(*(column[begin:end] for column in hits))
             scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.work())
             batch = Pixels(width, (end - begin) // width) if width else end - begin
-            reorder.closest_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
+            reorder.closest_hit(tree, grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
             unused.append(scratch)
 
         share_out(trace, n, threads, whole_blocks(width))
@@ -116,12 +117,13 @@ class RayQueries:
         n, width = math.prod(shape), image_width(shape, MAX_RANGE)
         occluded = np.empty(n, np.bool_)
         unused: list[reorder.SortScratch] = []
+        tree, grid = self.tree, self.grid  # of the whole query, even if another thread refits
 
         def trace(begin: int, end: int) -> None:
             part = occluded[begin:end]
             scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.work())
             batch = Pixels(width, (end - begin) // width) if width else end - begin
-            reorder.any_hit(self.tree, self.grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
+            reorder.any_hit(tree, grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
             unused.append(scratch)
 
         share_out(trace, n, threads, whole_blocks(width))

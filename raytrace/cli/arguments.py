@@ -266,6 +266,17 @@ def report_options(parser: ArgumentParser) -> None:
     add("--size", type=size, metavar="WxH", help="image size in pixels (default: the scene's)")
 
 
+def conformance_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``conformance``."""
+    add = parser.add_argument
+    add("suite", type=Path, nargs="?", metavar="DIR", help="folder of the suite, to judge images of its scenes")
+    add("--images", type=Path, metavar="DIR", help="folder of the images to judge: .exr, .npz or .png")
+    text = (
+        "without --images: folder to write the suite into; with it: folder of the report (default: that of the images)"
+    )
+    add("-o", "--output", type=Path, metavar="DIR", help=text)
+
+
 def export_options(parser: ArgumentParser) -> None:
     """Declare the options of ``export``."""
     scene_options(parser)

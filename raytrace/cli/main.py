@@ -138,6 +138,12 @@ def _report(args: Namespace) -> int:
     return INTERRUPTED if found.interrupted else DONE
 
 
+def _conformance(args: Namespace) -> int:
+    from raytrace.cli.conformance import conformance
+
+    return DONE if conformance(args) else DIFFERENT
+
+
 def _export(args: Namespace) -> int:
     from raytrace.exporting.export import export_scene
 
@@ -195,6 +201,11 @@ COMMANDS = {
     "check": Command("check a scene and its meshes without rendering", _check, arguments.scene_options),
     "compare": Command("measure the error of an image against a reference", _compare, arguments.compare_options),
     "report": Command("measure speed and error, or test hard rays; write a page", _report, arguments.report_options),
+    "conformance": Command(
+        "write scenes whose light is known, or judge a renderer's images of them",
+        _conformance,
+        arguments.conformance_options,
+    ),
     "export": Command("write a scene for Mitsuba 3 or pbrt-v4", _export, arguments.export_options),
     "schema": Command("print the JSON Schema of scene files", _schema),
     "warmup": Command("compile kernels now instead of at the first render", _warmup, arguments.warmup_options),
@@ -205,7 +216,7 @@ COMMANDS = {
 def _parser(name: str, command: Command) -> ArgumentParser:
     parser = arguments.Parser("raytrace" if name == "render" else f"raytrace {name}", command.about)
     if name == "render":
-        words = "".join(f"  {word:<10}{each.about}\n" for word, each in COMMANDS.items())
+        words = "".join(f"  {word:<13}{each.about}\n" for word, each in COMMANDS.items())
         parser.description = f"Render a scene.\n\n{EXAMPLES}\ncommands (raytrace COMMAND --help):\n{words}"
         parser.add_argument("--version", action="version", version=f"raytrace {raytrace.__version__}")
     command.options(parser)
@@ -234,7 +245,7 @@ def main(argv: list[str] | None = None) -> int:
     -------
     int
         Exit code: 0 done, 1 internal failure, 2 command line (also argparse itself), 3 invalid scene,
-        4 unreadable or unwritable file, 5 comparison or hard cases failed, 130 interrupted.
+        4 unreadable or unwritable file, 5 comparison, hard cases or conformance failed, 130 interrupted.
 
     Examples
     --------

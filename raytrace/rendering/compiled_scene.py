@@ -69,8 +69,11 @@ def plan_of(scene: Scene) -> Plan:
 
 def paths_of(scene: Scene, compiled: CompiledScene, integrator: str) -> "PathScene | None":
     """Return the tables of path tracing for a compiled scene; None where it does not need them."""
-    if not needs_paths(scene, integrator):
-        return None
+    return path_scene_of(scene, compiled, integrator) if needs_paths(scene, integrator) else None
+
+
+def path_scene_of(scene: Scene, compiled: CompiledScene, integrator: str) -> "PathScene":
+    """Return the tables of path tracing for a compiled scene, whether a render needs them or not."""
     from raytrace.rendering.path_scene import lens_of, make_path_scene
 
     base = base_of(scene)

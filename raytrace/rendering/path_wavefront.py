@@ -89,8 +89,7 @@ class PathWavefront:
     def _trace(self, n: int) -> None:
         """Follow paths from surface to surface, until none is left or they have met ``max_depth`` surfaces."""
         scene, here, there = self.scene, self.paths, self.others
-        pinhole = Columns(self.view.origin, 0, 0, 1)
-        self._closest(here, pinhole if scene.lens is None else self._columns(here.rays.o), n)
+        self._closest(here, self._origins(here), n)
         self.rays["camera"] += n
         for depth in range(1, scene.max_depth + 1):
             self._see(here, n, depth)
@@ -117,6 +116,10 @@ class PathWavefront:
         else:
             self._see(here, n, scene.max_depth + 1)
         self.rays["cut off"] += n
+
+    def _origins(self, here: Paths) -> Columns:
+        """Where paths begin: in one point, or each at its own."""
+        return Columns(self.view.origin, 0, 0, 1) if self.scene.lens is None else self._columns(here.rays.o)
 
     def _see(self, here: Paths, n: int, depth: int) -> None:
         """Add what paths see where they arrive."""
