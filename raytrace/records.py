@@ -222,27 +222,6 @@ class Rays(NamedTuple):
     tmax: Columns
 
 
-class Pool(NamedTuple):
-    """Scratch memory of one thread for rays that go through the tree each on its own, in turn."""
-
-    t: NDArray[np.floating]  # f: where rays enter the nodes on their stacks; one stack per ray
-    child: NDArray[np.int32]  # i4: these nodes, or ~leaf
-    state: NDArray[np.int32]  # i4: where each ray is; one row of lanes per quantity
-    queue: NDArray[np.int32]  # i4: the rays before a node, then the rays before a leaf
-
-
-class Work(NamedTuple):
-    """Scratch memory of one thread for traversals."""
-
-    t: NDArray[np.floating]  # f: where the rays enter the nodes on the stack
-    child: NDArray[np.int32]  # i4: these nodes, or ~leaf
-    alive: NDArray[np.int32]  # i4: bit masks of the rays of a packet that enter them
-    lanes: NDArray[np.floating]  # f: rays that are traced singly, and their results; one row of lanes per quantity
-    prim_id: NDArray[np.int32]  # i4: one row of lanes
-    counts: NDArray[np.int64]  # (2,) i8: nodes visited, triangles tested (counted once per packet)
-    pool: Pool
-
-
 class Tree(NamedTuple):
     """The geometry that rays are traced against."""
 

@@ -41,6 +41,7 @@ MANY_ARGUMENTS: dict[str, str] = {
 
 NUMBA = (  # the compiler, and the type that it is taught
     "accel/lanes_block_jit.py",
+    "accel/lanes_pool_jit.py",
     "accel/lanes_jit.py",
     "accel/lanes_types.py",
     "compiled.py",

@@ -44,7 +44,8 @@ from raytrace.accel.scratch import (
 from raytrace.accel.stack import ROOT, push
 from raytrace.accel.triangle import intersect
 from raytrace.jit import inlined
-from raytrace.records import Tree, Work
+from raytrace.records import Tree
+from raytrace.work_records import Work
 
 BUNDLE = 4  # most packets of a bundle: as many as a group has rays, so that all groups fill a register
 GROUPS = 0x1111  # bits of the groups of a bundle's first packet; shifted by r, of packet r

@@ -31,7 +31,7 @@ from raytrace.accel.layout import V0, V1, V2
 from raytrace.accel.octants import Axes
 from raytrace.accel.scratch import FRAME_DZ, FRAME_SX, FRAME_X, FRAME_Z, TMAX, TMIN, read_row
 from raytrace.jit import inlined
-from raytrace.records import Work
+from raytrace.work_records import Work
 
 HIGH = 3 * NODE  # from the low planes of a node's boxes to the high ones
 FRUSTUM_ROUNDINGS = 16.0  # machine epsilons of the largest coordinate: twice what rounding moves lines and triangles by

@@ -33,7 +33,8 @@ from raytrace.accel.scratch import (
     write_rows,
 )
 from raytrace.jit import inlined
-from raytrace.records import Rays, Tree, Work
+from raytrace.records import Rays, Tree
+from raytrace.work_records import Work
 
 # Rows of the slots of a bundle, which need neither slabs nor u and v
 USER_TMIN, USER_TMAX = 7, 8  # as given; for rays that cannot hit, inf and -inf

@@ -95,6 +95,6 @@ def lines_in_order(
     rays: Rays, n: int, grid: Grid, extent: NDArray[np.floating], scratch: SortScratch
 ) -> tuple[NDArray[np.int32] | None, Rays]:
     """Return n rays in an order that is fast to trace, and the number that each had; None: they are in order."""
-    if n < SAMPLE or 2 * changes(rays, n, grid, scratch) <= SAMPLE:
+    if n < SAMPLE or 2 * changes(rays, n, grid, scratch)[0] <= SAMPLE:
         return None, rays
     return sorted_rays(rays, n, scratch.numbers[sort_lines(rays, n, extent, scratch)], scratch)

@@ -34,7 +34,8 @@ from raytrace.accel.single import fetch
 from raytrace.accel.stack import NOTHING, ROOT, pop, push
 from raytrace.jit import inlined, kernel, subroutine
 from raytrace.point_records import ClosestPoint
-from raytrace.records import Tree, Work
+from raytrace.records import Tree
+from raytrace.work_records import Work
 
 CANDIDATES = 128  # triangles that wait to be computed
 ROUNDINGS = 16.0  # machine epsilons: error of a squared distance, relative to the squared distance of a corner

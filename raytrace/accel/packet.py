@@ -42,7 +42,8 @@ from raytrace.accel.single import any_single, closest_single, planes_of_node
 from raytrace.accel.stack import ROOT, push
 from raytrace.accel.triangle import Triangle, intersect
 from raytrace.jit import inlined
-from raytrace.records import Nodes, Tree, Work
+from raytrace.records import Nodes, Tree
+from raytrace.work_records import Work
 
 MAX_ALONE = 4  # so many rays of a packet, or half of it if that is less, are traced one by one: that is faster
 

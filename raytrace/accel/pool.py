@@ -7,12 +7,10 @@ where a ray that is traced alone would wait for each of its steps. The rays of a
 
 import numpy as np
 
-from raytrace.accel.box import Slabs, make_slabs, slab_test
-from raytrace.accel.bundle import BUNDLE
+from raytrace.accel.box import make_slabs, slab_test
 from raytrace.accel.lanes import (
     BITS,
     NODE,
-    PACKET,
     absolute,
     bits,
     count,
@@ -37,42 +35,50 @@ from raytrace.accel.lanes import (
     splat_int,
     store,
     store_packed,
+)  # fmt: skip
+from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, NORMAL, PRESENT, PRIM_ID
+from raytrace.accel.pool_scratch import (
+    BOTTOM,
+    FOUND,
+    NEXT,
+    QUEUE,
+    RAYS,
+    TOP,
+    axes_of_ray,
+    frame_of_ray,
+    read_number,
+    read_state,
+    slabs_of_ray,
+    write_state,
 )
-from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, NORMAL, PRESENT, PRIM_ID, aligned, integers
-from raytrace.accel.octants import Axes
-from raytrace.accel.scratch import FRAME, HIT_T, HIT_U, HIT_V, OCCLUDED, ROWS, SLABS, TMIN, read_bundle_rays, write_prim_id, write_rows
+from raytrace.accel.scratch import (
+    FRAME,
+    HIT_T,
+    HIT_U,
+    HIT_V,
+    OCCLUDED,
+    ROWS,
+    SLABS,
+    TMIN,
+    read_bundle_rays,
+    write_prim_id,
+    write_rows,
+)  # fmt: skip
 from raytrace.accel.single import eight_triangles, planes_of_node
 from raytrace.accel.stack import NOTHING, ROOT
-from raytrace.accel.triangle import RayFrame, intersect
+from raytrace.accel.triangle import intersect
 from raytrace.jit import inlined
-from raytrace.records import Pool, Tree, Work
-
-# Rows of ``Pool.state``; a slot of it has as many rows as one of ``Work.lanes``, so that a ray has one place in both.
-AXES = 0  # 6 rows, the fields of Axes
-NEXT, TOP, BOTTOM, FOUND = 6, 7, 8, 9  # node or leaf to visit; height of the stack; its least height; triangle hit
-
-
-RAYS = BUNDLE * PACKET  # most rays of a pool
-QUEUE = RAYS + 1  # elements of a queue: one more than there are rays, because every ray is written to both
-
+from raytrace.records import Tree
+from raytrace.work_records import Work
 
 POOL_NODES = 16  # least nodes of a tree: in smaller ones, packets are faster
 SCATTERED = 0.5  # least spread of the directions of a bundle: where they differ less, packets are faster
 
 
-def make_pool(height: int, dtype: np.dtype) -> Pool:
-    """Allocate a pool with stacks of that height; a push writes a register, so each has room for one more."""
-    room = height + 1 + NODE
-    child = np.empty(RAYS * room, integers(dtype))
-    child[::room] = NOTHING  # below each stack
-    state = aligned((BUNDLE + 1) * ROWS * PACKET, np.dtype(np.int32))
-    return Pool(aligned(RAYS * room, dtype), child, state, np.empty(2 * QUEUE, np.int32))
-
-
 @inlined
-def suits_pool(tree: Tree) -> bool:
+def suits_pool(tree: Tree, work: Work) -> bool:
     """Whether a pool can be faster in a tree: with registers of 512 bits, which can be packed, and enough nodes."""
-    return BITS == 512 and len(tree.nodes.bounds) >= POOL_NODES * NODE_SIZE
+    return BITS == 512 and len(tree.nodes.bounds) >= POOL_NODES * NODE_SIZE and len(work.pool_t) > 0
 
 
 @inlined
@@ -121,7 +127,7 @@ def enter_pool(tree: Tree, r: int, work: Work) -> int:
     p, q = own_axes(on_x, on_y, o), own_axes(on_x, on_y, d)
     write_rows(work, r, FRAME, (p[0], p[1], p[2], q[0], q[1], q[2], -(q[0] / q[2]), -(q[1] / q[2]), scale))
     write_rows(work, r, SLABS, make_slabs(o, d, machine_epsilon(work.lanes)))
-    room = np.int32(len(work.pool.t) // RAYS)
+    room = np.int32(len(work.pool_t) // RAYS)
     bottom = (lane_numbers(like) + np.int32(width * r)) * room + np.int32(1)
     at = (r + 1) * ROWS * width
     for x in (
@@ -130,34 +136,16 @@ def enter_pool(tree: Tree, r: int, work: Work) -> int:
         select(on_x, np.int32(0), either(on_y, 8, 16, like)), splat_int(ROOT, like), bottom, bottom,
         splat_int(-1, like),
     ):  # fmt: skip
-        store(work.pool.state, at, x)
+        store(work.pool_state, at, x)
         at += width
     return bits(tmin < tmax)
-
-
-@inlined
-def read_number(work: Work, f: int, row: int):
-    """One number of ray f."""
-    return peek(work.lanes, f + packet_width(work.lanes) * row)
-
-
-@inlined
-def read_state(work: Work, f: int, row: int):
-    """One integer of ray f."""
-    return np.int64(peek(work.pool.state, f + packet_width(work.lanes) * row))
-
-
-@inlined
-def write_state(work: Work, f: int, row: int, x: int):
-    """Write one integer of ray f."""
-    poke(work.pool.state, f + packet_width(work.lanes) * row, np.int32(x))
 
 
 @inlined
 def leave_pool(r: int, closest: bool, work: Work):
     """Write what the rays of packet r have hit to where the results of a bundle are."""
     like = packet(work.lanes)
-    found = load(work.pool.state, ((r + 1) * ROWS + FOUND) * packet_width(work.lanes), like)
+    found = load(work.pool_state, ((r + 1) * ROWS + FOUND) * packet_width(work.lanes), like)
     if closest:
         write_prim_id(work, r, found)
     else:
@@ -165,42 +153,12 @@ def leave_pool(r: int, closest: bool, work: Work):
 
 
 @inlined
-def axes_of_ray(work: Work, f: int) -> Axes:
-    """Octant and dominant axis of ray f."""
-    return Axes(
-        read_state(work, f, AXES), read_state(work, f, AXES + 1), read_state(work, f, AXES + 2),
-        read_state(work, f, AXES + 3), read_state(work, f, AXES + 4), read_state(work, f, AXES + 5),
-    )  # fmt: skip
-
-
-@inlined
-def slabs_of_ray(work: Work, f: int) -> Slabs:
-    """Slabs of ray f."""
-    return Slabs(
-        read_number(work, f, SLABS), read_number(work, f, SLABS + 1), read_number(work, f, SLABS + 2),
-        read_number(work, f, SLABS + 3), read_number(work, f, SLABS + 4), read_number(work, f, SLABS + 5),
-        read_number(work, f, SLABS + 6), read_number(work, f, SLABS + 7), read_number(work, f, SLABS + 8),
-        read_number(work, f, SLABS + 9), read_number(work, f, SLABS + 10), read_number(work, f, SLABS + 11),
-    )  # fmt: skip
-
-
-@inlined
-def frame_of_ray(work: Work, f: int) -> RayFrame:
-    """Frame of ray f."""
-    return RayFrame(
-        read_number(work, f, FRAME), read_number(work, f, FRAME + 1), read_number(work, f, FRAME + 2),
-        read_number(work, f, FRAME + 3), read_number(work, f, FRAME + 4), read_number(work, f, FRAME + 5),
-        read_number(work, f, FRAME + 6), read_number(work, f, FRAME + 7), read_number(work, f, FRAME + 8),
-    )  # fmt: skip
-
-
-@inlined
 def enqueue(work: Work, f: int, child: int, top: int, nodes: int, leaves: int):
     """Append ray f to the queue that its next child belongs to, or to none; return the lengths of both."""
     write_state(work, f, NEXT, child)
     write_state(work, f, TOP, top)
-    poke(work.pool.queue, nodes, np.int32(f))
-    poke(work.pool.queue, QUEUE + leaves, np.int32(f))
+    poke(work.pool_queue, nodes, np.int32(f))
+    poke(work.pool_queue, QUEUE + leaves, np.int32(f))
     return nodes + np.int64(child >= 0), leaves + np.int64((child < 0) & (child != NOTHING))
 
 
@@ -215,9 +173,9 @@ def step_through_node(tree: Tree, f: int, nodes: int, leaves: int, work: Work):
     entered = entered & mask_of(np.int64(peek(tree.nodes.child, at + PRESENT)), t)
     n, nearest = count(entered), least_lane(entered, t)
     others = entered & (lane_numbers(t) != np.int32(nearest))
-    store_packed(work.pool.t, top, others, t)
-    store_packed(work.pool.child, top, others, load(tree.nodes.child, at + CHILD, NODE))
-    child = peek_either(n == 0, work.pool.child, top - 1, tree.nodes.child, at + CHILD + nearest)
+    store_packed(work.pool_t, top, others, t)
+    store_packed(work.pool_child, top, others, load(tree.nodes.child, at + CHILD, NODE))
+    child = peek_either(n == 0, work.pool_child, top - 1, tree.nodes.child, at + CHILD + nearest)
     return enqueue(work, f, np.int64(child), top + n - 1, nodes, leaves)
 
 
@@ -226,10 +184,10 @@ def cull(work: Work, bottom: int, top: int, tmax) -> int:
     """Remove from a stack what lies beyond tmax; return its height. So nothing is tested when it is popped."""
     kept = bottom
     for i in range(bottom, top, NODE):
-        t, child = load(work.pool.t, i, NODE), load(work.pool.child, i, NODE)
+        t, child = load(work.pool_t, i, NODE), load(work.pool_child, i, NODE)
         keep = (t <= tmax) & (lane_numbers(t) < np.int32(top - i))
-        store_packed(work.pool.t, kept, keep, t)
-        store_packed(work.pool.child, kept, keep, child)
+        store_packed(work.pool_t, kept, keep, t)
+        store_packed(work.pool_child, kept, keep, child)
         kept += count(keep)
     return kept
 
@@ -260,7 +218,7 @@ def step_through_leaf(tree: Tree, f: int, closest: bool, nodes: int, leaves: int
     elif bits(inside & (t_new < t)) != 0:
         write_state(work, f, FOUND, 1)
         return nodes, leaves
-    return enqueue(work, f, np.int64(peek(work.pool.child, top - 1)), top - 1, nodes, leaves)
+    return enqueue(work, f, np.int64(peek(work.pool_child, top - 1)), top - 1, nodes, leaves)
 
 
 @inlined
@@ -271,21 +229,21 @@ def trace_pool(tree: Tree, packets: int, closest: bool, work: Work):
         alive = enter_pool(tree, r, work)
         while alive != 0:
             place = (r + 1) * ROWS * packet_width(work.lanes) + first_bit(alive)
-            poke(work.pool.queue, nodes, np.int32(place))
+            poke(work.pool_queue, nodes, np.int32(place))
             alive &= alive - 1
             nodes += 1
     while nodes + leaves != 0:
         turns, nodes = nodes, 0
         for j in range(turns):
-            f = np.int64(peek(work.pool.queue, j))
+            f = np.int64(peek(work.pool_queue, j))
             nodes, leaves = step_through_node(tree, f, nodes, leaves, work)
         for j in range(leaves):
-            leaf = ~read_state(work, np.int64(peek(work.pool.queue, QUEUE + j)), NEXT)
+            leaf = ~read_state(work, np.int64(peek(work.pool_queue, QUEUE + j)), NEXT)
             for line in range(0, NORMAL, 16):
                 prefetch(tree.leaves.rows, leaf * LEAF_SIZE + line)
         turns, leaves = leaves, 0
         for j in range(turns):
-            f = np.int64(peek(work.pool.queue, QUEUE + j))
+            f = np.int64(peek(work.pool_queue, QUEUE + j))
             nodes, leaves = step_through_leaf(tree, f, closest, nodes, leaves, work)
     for r in range(packets):
         leave_pool(r, closest, work)

@@ -37,6 +37,7 @@ from raytrace.accel.scratch import (
     HIT_T,
     OCCLUDED,
     ORIGIN,
+    SCALE,
     TMIN,
     BundleRays,
     read_bundle_rays,
@@ -45,7 +46,8 @@ from raytrace.accel.scratch import (
 )
 from raytrace.accel.vectors import scaled
 from raytrace.jit import c_kernel, inlined
-from raytrace.records import Hits, Rays, Tree, Work
+from raytrace.records import Hits, Rays, Tree
+from raytrace.work_records import Work
 
 ORDINARY = 2.0**10  # directions whose largest component lies in 1 / ORDINARY .. ORDINARY are not scaled
 LIFT = 2.0**64  # scales the shortest directions to where their exponent is normal
@@ -192,7 +194,7 @@ def closest_hit(tree: Tree, rays: Rays, hits: Hits, n, work: Work):
     while left(i, n) > 0:
         count = packets_from(i, n, work)
         if not trace_together(tree, rays, i, n, closest_in_packet, work):
-            if suits_pool(tree) and spread(count, work) > SCATTERED:
+            if suits_pool(tree, work) and spread(count, work) > SCATTERED:
                 trace_pool(tree, count, True, work)
             else:
                 for r in range(count):
@@ -208,7 +210,7 @@ def any_hit(tree: Tree, rays: Rays, occluded, n, work: Work):
     while left(i, n) > 0:
         count = packets_from(i, n, work)
         if not trace_together(tree, rays, i, n, any_in_packet, work):
-            if suits_pool(tree) and spread(count, work) > SCATTERED:
+            if suits_pool(tree, work) and spread(count, work) > SCATTERED:
                 trace_pool(tree, count, False, work)
             else:
                 for r in range(count):

@@ -13,10 +13,11 @@ from raytrace.accel.inputs import check_rays, rays_of
 from raytrace.accel.inside import Closure, check_closed, inside
 from raytrace.accel.lanes import NODE, PACKET
 from raytrace.accel.layout import aligned
-from raytrace.accel.pool import make_pool
+from raytrace.accel.pool_scratch import make_pool
 from raytrace.accel.scratch import ROWS
 from raytrace.parallel import MAX_RANGE, share_out
-from raytrace.records import AllHits, Hits, Tree, Work
+from raytrace.records import AllHits, Hits, Tree
+from raytrace.work_records import Work
 
 
 class RayQueries:
@@ -253,5 +254,5 @@ class RayQueries:
             aligned((BUNDLE + 1) * ROWS * PACKET, dtype),
             aligned((BUNDLE + 1) * PACKET, np.dtype(np.int32)),
             np.zeros(2, np.int64),
-            make_pool(height, dtype),
+            *make_pool(height, dtype),
         )

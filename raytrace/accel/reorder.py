@@ -30,7 +30,8 @@ from raytrace.accel.lanes import (
 from raytrace.accel.layout import boxes_of, children_of
 from raytrace.accel.pool import suits_pool
 from raytrace.jit import inlined, kernel
-from raytrace.records import Columns, Hits, Rays, Tree, Work
+from raytrace.records import Columns, Hits, Rays, Tree
+from raytrace.work_records import Work
 
 DIGIT = 12  # bits that one pass of the radix sort orders by
 DIRECTION_BITS = 5  # of a key: octant (3) and dominant axis (2)
@@ -184,7 +185,7 @@ def worth_sorting(tree: Tree, grid: Grid, rays: Rays, n: int, scratch: SortScrat
     if n < SAMPLE:
         return False
     keys, directions = changes(rays, n, grid, scratch)
-    return 2 * keys > SAMPLE and not (2 * directions > SAMPLE and suits_pool(tree))
+    return 2 * keys > SAMPLE and not (2 * directions > SAMPLE and suits_pool(tree, scratch.work))
 
 
 def closest_hit(tree: Tree, grid: Grid, rays: Rays, hits: Hits, batch: int | Pixels, scratch: SortScratch) -> None:

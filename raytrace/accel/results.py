@@ -18,7 +18,8 @@ from raytrace.accel.lanes import (
 )
 from raytrace.accel.scratch import HIT_T, HIT_U, HIT_V, OCCLUDED, ROWS, SCALE, read_prim_id, read_row
 from raytrace.jit import inlined, specialised
-from raytrace.records import Hits, Work
+from raytrace.records import Hits
+from raytrace.work_records import Work
 
 
 @inlined

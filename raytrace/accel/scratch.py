@@ -11,7 +11,7 @@ from raytrace.accel.lanes import load, packet_width, peek, poke, store
 from raytrace.accel.octants import Axes, RayPacket
 from raytrace.accel.triangle import RayFrame
 from raytrace.jit import inlined
-from raytrace.records import Work
+from raytrace.work_records import Work
 
 ALONE = -1  # number of the first slot; slot r >= 0 holds packet r of a bundle
 

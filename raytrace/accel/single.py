@@ -10,7 +10,8 @@ from raytrace.accel.scratch import HIT_T, HIT_U, HIT_V, read_lane, write_lane
 from raytrace.accel.stack import NOTHING, pop, push
 from raytrace.accel.triangle import Triangle, intersect
 from raytrace.jit import inlined
-from raytrace.records import Tree, Work
+from raytrace.records import Tree
+from raytrace.work_records import Work
 
 
 @inlined

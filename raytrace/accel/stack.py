@@ -4,7 +4,7 @@ import numpy as np
 
 from raytrace.accel.lanes import peek, poke
 from raytrace.jit import inlined
-from raytrace.records import Work
+from raytrace.work_records import Work
 
 ROOT = np.int32(0)
 NOTHING = np.int32(-(2**31))  # no child

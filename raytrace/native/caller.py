@@ -13,7 +13,8 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic as numba_intrinsic
 
-from raytrace.records import Columns, Hits, Nodes, Rays, Tree, WatertightLeaves, Work
+from raytrace.records import Columns, Hits, Nodes, Rays, Tree, WatertightLeaves
+from raytrace.work_records import Work
 
 ADDRESS, LAYOUT, LEAF_TYPE, SCRATCH, BLOCK = range(5)  # places in ``words``
 _FIELDS = [record._fields for record in (Tree, Nodes, WatertightLeaves, Rays, Columns, Hits, Work)]

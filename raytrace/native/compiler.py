@@ -21,7 +21,7 @@ from numba.core.registry import cpu_target
 from numba.extending import overload
 
 from raytrace import jit
-from raytrace.accel import lanes_block_jit, lanes_jit  # noqa: F401  (they register the SIMD lanes with Numba)
+from raytrace.accel import lanes_block_jit, lanes_jit, lanes_pool_jit  # noqa: F401  (they register lanes with Numba)
 from raytrace.native import processor
 from raytrace.native.c_entry import CEntry, flat
 from raytrace.native.entry import Entry, check_layout, numba_type

@@ -9,7 +9,7 @@ import numpy as np
 from numba.extending import overload, register_jitable
 
 from raytrace import jit
-from raytrace.accel import lanes_block_jit, lanes_jit  # noqa: F401  (they register the SIMD lanes with Numba)
+from raytrace.accel import lanes_block_jit, lanes_jit, lanes_pool_jit  # noqa: F401  (they register lanes with Numba)
 from raytrace.native.fallback import Unavailable, private_parts
 
 FLAGS: dict[str, Any] = {"error_model": "numpy"}  # as in `compiler`: 1 / 0 is inf; and no fastmath
