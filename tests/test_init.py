@@ -41,7 +41,18 @@ HEAVY = {
     "rich",
 }
 FUNCTIONS = {"load", "render", "explain", "compare", "demo", "reflect", "refract", "report", "spawn_ray"}
-CLASSES = {"BVH", "Render", "Scene", "Hits", "Surface", "RaytraceError", "SceneError", "FileError", "OptionError"}
+CLASSES = {
+    "AllHits",
+    "BVH",
+    "Render",
+    "Scene",
+    "Hits",
+    "Surface",
+    "RaytraceError",
+    "SceneError",
+    "FileError",
+    "OptionError",
+}
 ROOMS = {"bsdf", "show", "textbook"}
 SUBMODULES = [
     "rendering.rendering",

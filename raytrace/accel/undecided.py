@@ -42,7 +42,7 @@ def decide_pairs(bvh: "RayQueries", rays: Rays, counts: NDArray[np.int32], work:
         weights = _edges(pair)
         height, total = _triple(pair.a, pair.b, pair.c), sum(weights)
         t = _rounded(-height / total, bvh.triangles.dtype)
-        if not (_row(rays.tmin, ray)[0] < t < _row(rays.tmax, ray)[0]):
+        if not (_row(rays.tmin, ray, 1)[0] < t < _row(rays.tmax, ray, 1)[0]):
             continue
         counts[ray] += 1
         used = int(work.state[USED])
@@ -52,10 +52,10 @@ def decide_pairs(bvh: "RayQueries", rays: Rays, counts: NDArray[np.int32], work:
             work.hit_prim[used], work.hit_ray[used] = prim, ray
 
 
-def _row(columns: Columns, i: int) -> list[float]:
-    """Numbers of one ray."""
+def _row(columns: Columns, i: int, count: int = 3) -> list[float]:
+    """The first numbers of one ray."""
     at = columns.start + i * columns.row
-    return [float(columns.data[at + axis * columns.axis]) for axis in range(3 if columns.axis else 1)]
+    return [float(columns.data[at + axis * columns.axis]) for axis in range(count)]
 
 
 def _pair(o: list[float], d: list[float], corners: NDArray[np.floating]) -> _Pair:
