@@ -51,9 +51,9 @@ _HOME = {
     "spawn_ray": "optics",
 }
 
-__all__ = [
-    "BVH",
+__all__ = [  # noqa: RUF022  (in the order of sorted)
     "AllHits",
+    "BVH",
     "ClosestPoint",
     "FileError",
     "Hits",

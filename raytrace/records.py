@@ -233,8 +233,7 @@ class Tree(NamedTuple):
 class View(NamedTuple):
     """The camera for kernels: the ray through (x, y), in pixels, has the direction forward + x' right + y' down.
 
-    Where it is orthographic, the direction is forward, and x' right + y' down is added to the origin instead.
-    x' and y' are measured from the centre of the film.
+    Orthographic: the direction is forward, x' right + y' down is added to the origin. x' = y' = 0: the film's centre.
     """
 
     origin: NDArray[np.floating]  # (3,) f, world units

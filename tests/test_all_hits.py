@@ -222,7 +222,10 @@ def test_numbers_of_very_different_sizes_are_decided_by_fractions(monkeypatch, s
     assert judge.of_crossings(hits)[:4] == (0, 0, 0, 0)
     assert sum(decided) > 20
     points = np.concatenate([o, [[1, 1 - 2**-53, small], [1, small, -small], [1 + 2**-52, small, 0]]])
-    assert np.array_equal(bvh.contains(points), inside_exactly(vertices[faces], points) != 0)
+    exactly = inside_exactly(vertices[faces], points) != 0
+    assert np.array_equal(bvh.contains(points), exactly)
+    order = np.random.default_rng(2).permutation(30 * len(points))  # so many, out of order, are sorted
+    assert np.array_equal(bvh.contains(np.tile(points, (30, 1))[order]), np.tile(exactly, 30)[order])
 
 
 def test_distances_that_overflow_or_underflow_are_counted_still():

@@ -26,7 +26,12 @@ MAX_ARGUMENTS = 6  # that may be given by position
 LONG_FILES: dict[str, str] = {}
 LONG_BODIES: dict[str, str] = {}
 RECORDS = "a kernel takes its records one by one: their types decide what is compiled"
+TRAVERSAL = "a traversal of its records, with the place of its rays and the test that they are given"
 MANY_ARGUMENTS: dict[str, str] = {
+    "accel/all_hits.py:test_packet": TRAVERSAL,
+    "accel/all_hits.py:all_single": TRAVERSAL,
+    "accel/all_hits.py:all_of_rays": TRAVERSAL,
+    "accel/all_hits.py:trace_all": TRAVERSAL,
     "passes/lights.py:pick_lights": RECORDS,
     "passes/lights.py:sample_triangles": RECORDS,
     "passes/lights.py:sample_environment": RECORDS,

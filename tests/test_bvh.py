@@ -340,7 +340,8 @@ def test_a_tree_works_while_the_interpreter_ends():
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals to one process are not sent there")
 @pytest.mark.parametrize(
-    "call", ["bvh.closest_hit(o, d)", "bvh.any_hit(o, d, threads=1)", "rt.BVH(*rays.torus(600, 300))"]
+    "call",
+    ["bvh.closest_hit(o, d)", "bvh.any_hit(o, d, threads=1)", "bvh.all_hits(o, d)", "rt.BVH(*rays.torus(600, 300))"],
 )
 def test_an_interrupt_ends_calls_soon(call):
     """Measured on two busy cores: at most 0.1 s for queries, 0.4 s for a build of 10^7 triangles."""

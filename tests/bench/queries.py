@@ -16,7 +16,6 @@ from raytrace.hardcases.meshes import Mesh, torus
 
 Calls = dict[str, Callable[[], Any]]
 MESHES = {"10^4": (100, 50), "10^6": (1000, 500)}  # rings and sides of a torus
-EMBREEX_ROWS = 20_000  # points that trimesh is asked, because it is slow; its time is scaled up
 
 
 class Task:
@@ -98,10 +97,9 @@ def contains(task: Task) -> Calls:
         "points/raytrace, count_hits": lambda: bvh.count_hits(task.points, up, threads=threads),
         "points/Open3D": lambda: scene.compute_occupancy(points, nthreads=threads),
     }
-    mesh, few = task.trimesh(), task.points[:EMBREEX_ROWS]
-    calls["few points/raytrace"] = lambda: bvh.contains(few, threads=threads)
-    calls["few points/raytrace, one thread"] = lambda: bvh.contains(few, threads=1)
-    calls["few points/trimesh, embreex"] = lambda: mesh.contains(few)
+    mesh = task.trimesh()
+    calls["points/raytrace, one thread"] = lambda: bvh.contains(task.points, threads=1)
+    calls["points/trimesh, embreex"] = lambda: mesh.contains(task.points)
     return calls
 
 
