@@ -86,13 +86,13 @@ def test_rays_that_are_in_order_stay_in_it_and_others_are_sorted(precision, monk
     monkeypatch.setattr(reorder, "_sorted", spy)
     scratch = reorder.make_sort_scratch(len(d), np.dtype(precision), bvh.work())
     asked, kept = batch(o, d, precision)
-    assert reorder.changes(asked, len(d), bvh.grid, scratch) < 0.2 * reorder.SAMPLE
+    assert reorder.changes(asked, len(d), bvh.grid, scratch)[0] < 0.2 * reorder.SAMPLE
     bvh.closest_hit(o, d)
     bvh.any_hit(o, d)
     assert sorted_at == []
     o, d = np.random.default_rng(5).permutation(bvh.vertices)[:2000], d[:2000]
     asked, kept = batch(o, d, precision)
-    assert reorder.changes(asked, 2000, bvh.grid, scratch) > 0.8 * reorder.SAMPLE
+    assert reorder.changes(asked, 2000, bvh.grid, scratch)[0] > 0.8 * reorder.SAMPLE
     bvh.closest_hit(o, d)
     bvh.any_hit(o, d)
     assert sum(sorted_at) == 4000  # chunk by chunk
@@ -110,7 +110,7 @@ def test_changes_are_counted_between_neighbours_whatever_the_width_of_registers(
     expected = sum(np.count_nonzero(np.diff(signs[start : start + rays.PACKET])) for start in starts)
     scratch = reorder.make_sort_scratch(n, np.dtype(precision), bvh.work())
     asked, kept = batch(0 * d, d, precision)
-    assert reorder.changes(asked, n, bvh.grid, scratch) == expected
+    assert reorder.changes(asked, n, bvh.grid, scratch) == (expected, expected)  # keys, and directions
     assert len(kept) == 4
 
 
