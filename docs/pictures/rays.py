@@ -1,9 +1,10 @@
 """Draw the figures of docs/rays.md: ``python docs/pictures/rays.py``; needs matplotlib (``pip install ".[report]"``).
 
-Each function draws one figure. The sections are those of a vase with the plane z = 0: the surface is where the signed
-distance is 0.
+Each function draws one figure. The sections are those of a vase with the plane z = Z, which no edge of
+the mesh lies in: the surface is where the signed distance is 0.
 """
 
+import io
 import re
 from pathlib import Path
 from typing import Any
@@ -11,13 +12,15 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 import raytrace as rt
 
 HERE = Path(__file__).parent
 PAGE, MESH = HERE.parent / "rays.md", HERE.parents[1] / "scenes" / "meshes" / "vase.ply"
 BLUE, RED, GREY, GREEN = "#1f6fb4", "#c8382b", "#999999", "#2a8a4a"
-EYE = np.array([-1.1, 0.35, 0.0])
+Z = 0.007
+EYE = np.array([-1.1, 0.35, Z])
 WIDE = -1.2, 1.2, -0.15, 1.65  # limits of x and y in the sections
 
 Array = NDArray[Any]
@@ -31,6 +34,7 @@ def main() -> None:
     points(bvh)
     surface(bvh)
     refit(bvh)
+    camera(bvh)
     blocks()
     precision(bvh)
     recipes(bvh)
@@ -42,14 +46,16 @@ def panels(rows: int, columns: int, width: float, height: float) -> Any:
 
 
 def save(figure: Any, name: str) -> None:
-    figure.savefig(HERE / f"rays-{name}.png", dpi=110, metadata={"Software": None})
+    drawn = io.BytesIO()
+    figure.savefig(drawn, dpi=110)
+    Image.open(drawn).convert("RGB").quantize(128).save(HERE / f"rays-{name}.png", optimize=True)
     plt.close(figure)
 
 
 def plane(n: int = 300) -> tuple[Array, Array, Array]:
     """Return x, y and points (n, n, 3) of the section."""
     x, y = np.meshgrid(np.linspace(*WIDE[:2], n), np.linspace(*WIDE[2:], n))
-    return x, y, np.stack([x, y, np.zeros_like(x)], axis=-1)
+    return x, y, np.stack([x, y, np.full_like(x, Z)], axis=-1)
 
 
 def section(axis: Any, bvh: rt.BVH, title: str = "") -> None:
@@ -59,9 +65,9 @@ def section(axis: Any, bvh: rt.BVH, title: str = "") -> None:
     axis.set(title=title, aspect="equal", xlim=WIDE[:2], ylim=WIDE[2:], xticks=[], yticks=[])
 
 
-def fan(n: int = 13) -> Array:
+def fan(n: int = 12) -> Array:
     """Return unit directions in the section, (n, 3)."""
-    angle = np.linspace(-0.25, 0.9, n)
+    angle = np.linspace(-0.2, 0.62, n)
     return np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
 
 
@@ -82,15 +88,15 @@ def hits(bvh: rt.BVH) -> None:
     found = bvh.closest_hit(EYE, d)
     lines(first, EYE, EYE + np.minimum(found.t, 4)[:, None] * d, color=BLUE)
     dots(first, (EYE + found.t[:, None] * d)[found.prim_id >= 0], RED)
-    section(free, bvh, "any_hit, tmax = 1.2: green is free")
-    for direction, blocked in zip(d, bvh.any_hit(EYE, d, tmax=1.2), strict=True):
-        lines(free, EYE[None], EYE + 1.2 * direction[None], color=RED if blocked else GREEN)
+    section(free, bvh, "any_hit, tmax = 0.7: green is free")
+    for direction, blocked in zip(d, bvh.any_hit(EYE, d, tmax=0.7), strict=True):
+        lines(free, EYE[None], EYE + 0.7 * direction[None], color=RED if blocked else GREEN)
     section(every, bvh, "all_hits, and count_hits at the ends")
-    lines(every, EYE, EYE + 2.1 * d, color=BLUE)
+    lines(every, EYE, EYE + 2.05 * d, color=BLUE)
     listed = bvh.all_hits(EYE, d)
     dots(every, EYE + listed.t[:, None] * np.repeat(d, np.diff(listed.start), axis=0), RED)
     for direction, count in zip(d, bvh.count_hits(EYE, d), strict=True):
-        every.text(*(EYE + 2.17 * direction)[:2], str(count), ha="center", va="center", fontsize=7)
+        every.text(*(EYE + 2.13 * direction)[:2], str(count), ha="center", va="center", fontsize=7)
     save(figure, "hits")
 
 
@@ -115,7 +121,7 @@ def crossings() -> None:
 def points(bvh: rt.BVH) -> None:
     figure, (inside, closest, distance) = panels(1, 3, 9.4, 2.7)
     rng = np.random.default_rng(3)
-    some = np.stack([rng.uniform(*WIDE[:2], 900), rng.uniform(*WIDE[2:], 900), np.zeros(900)], axis=1)
+    some = np.stack([rng.uniform(*WIDE[:2], 900), rng.uniform(*WIDE[2:], 900), np.full(900, Z)], axis=1)
     section(inside, bvh, "contains: blue is inside")
     within = bvh.contains(some)
     dots(inside, some[~within], GREY, 3)
@@ -128,7 +134,7 @@ def points(bvh: rt.BVH) -> None:
     x, y, grid = plane()
     found = bvh.signed_distance(grid)
     section(distance, bvh, "signed_distance")
-    shown = distance.contourf(x, y, found, levels=np.linspace(-0.8, 0.8, 33), cmap="RdBu_r")
+    shown = distance.contourf(x, y, found, levels=np.linspace(-0.8, 0.8, 33), cmap="RdBu_r", extend="both")
     distance.contour(x, y, found, levels=[0], colors="black", linewidths=0.8)
     figure.colorbar(shown, ax=distance, shrink=0.8, ticks=[-0.8, -0.4, 0, 0.4, 0.8])
     save(figure, "points")
@@ -154,7 +160,7 @@ def refit(bvh: rt.BVH) -> None:
     rest = bvh.vertices.astype(np.float64)
     bent = rest + 0.2 * np.sin(3 * rest[:, 1:2]) * [1, 0, 0]
     figure, axes = panels(1, 2, 6.2, 2.7)
-    o = np.stack([np.full(9, -1.1), np.linspace(0.1, 1.3, 9), np.zeros(9)], axis=1)
+    o = np.stack([np.full(9, -1.1), np.linspace(0.1, 1.3, 9), np.full(9, Z)], axis=1)
     for axis, vertices, title in zip(axes, (rest, bent), ("as built", "after refit(bent)"), strict=True):
         bvh.refit(vertices)
         section(axis, bvh, title)
@@ -165,12 +171,38 @@ def refit(bvh: rt.BVH) -> None:
     save(figure, "refit")
 
 
+def camera(bvh: rt.BVH) -> None:
+    figure, (film, above) = panels(1, 2, 7.4, 3.1)
+    columns, rows = np.meshgrid(np.arange(6) + 0.5, np.arange(4) + 0.5)
+    film.scatter(columns, rows, s=9, color=BLUE)
+    film.plot(3, 2, "+", color=RED, markersize=12)
+    film.text(3.12, 1.9, "(cx, cy)", color=RED)
+    film.text(0.5, 0.32, "(1/2, 1/2)", ha="center", fontsize=7)
+    film.set(title="film: size = (6, 4), K = [[f, 0, 3], [0, f, 2], [0, 0, 1]]", xlim=(0, 6), ylim=(4, 0))
+    film.set(xticks=range(7), yticks=range(5), xlabel="x, right", ylabel="y, down", aspect="equal")
+    film.grid(True, color="#bbbbbb")
+    pose = [[1, 0, 0, 0], [0, -1, 0, 0.5], [0, 0, -1, 1.5], [0, 0, 0, 1]]
+    origins, directions = rt.camera_rays(K=[[24, 0, 12], [0, 24, 0.5], [0, 0, 1]], pose=pose, size=(24, 1))
+    t = bvh.closest_hit(origins, directions).t[0]
+    ends = origins[0] + np.minimum(t, 2.3)[:, None] * directions[0]
+    x, z = np.meshgrid(np.linspace(-1.3, 1.3, 300), np.linspace(-0.8, 1.6, 300))
+    distance = bvh.signed_distance(np.stack([x, np.full_like(x, 0.5), z], axis=-1))
+    above.contourf(z, x, distance, levels=[-9, 0], colors=["#e4d3bd"])
+    above.contour(z, x, distance, levels=[0], colors="#6b4a2b", linewidths=1)
+    lines(above, origins[0][:, [2, 0, 1]], ends[:, [2, 0, 1]], color=BLUE)
+    dots(above, ends[np.isfinite(t)][:, [2, 0, 1]], RED)
+    above.set(title="a row of 24 pixels, from above", aspect="equal", xlim=(1.6, -0.8), xticks=[], yticks=[])
+    save(figure, "camera")
+
+
 def blocks() -> None:
     figure, axes = panels(1, 2, 7.4, 2.7)
     r, c = np.mgrid[0:8, 0:12]
     as_list = 12 * r + c
     as_image = 16 * (3 * (r // 4) + c // 4) + 4 * (r % 4) + c % 4
-    for axis, order, title in zip(axes, (as_list, as_image), ("(96, 3): in their order", "(8, 12, 3): in blocks"), strict=True):
+    for axis, order, title in zip(
+        axes, (as_list, as_image), ("(96, 3): in their order", "(8, 12, 3): in blocks"), strict=True
+    ):
         axis.imshow(order // 16, cmap="Set2", vmax=7)
         for row, column in np.ndindex(order.shape):
             axis.text(column, row, str(order[row, column]), ha="center", va="center", fontsize=7)
@@ -179,11 +211,9 @@ def blocks() -> None:
 
 
 def precision(bvh: rt.BVH) -> None:
-    """The mesh and its rays are moved by a power of two, so that float64 represents them exactly."""
     rng = np.random.default_rng(0)
-    o = rng.normal(size=(5000, 3)).astype(np.float32).astype(np.float64) * 0.01 + [-2, 0.7, 0]
-    o, d = np.round(o * 2**20) / 2**20, np.array([1.0, 0.0, 0.0])
-    rest = np.round(bvh.vertices.astype(np.float64) * 2**20) / 2**20
+    o, d = rng.normal(size=(5000, 3)) * 0.01 + [-2, 0.7, 0], np.array([1.0, 0.0, 0.0])
+    rest = 0.98765 * bvh.vertices.astype(np.float64)  # numbers that need all the digits of float64
     faces, powers = bvh.faces, np.arange(0, 31, 2)
     exact = rt.BVH(rest, faces, "float64").closest_hit(o, d).t
     figure, (axis,) = panels(1, 1, 5.4, 3.0)
@@ -192,7 +222,7 @@ def precision(bvh: rt.BVH) -> None:
         for power in powers:
             moved = rt.BVH(rest + 2.0**power, faces, kind).closest_hit(o + 2.0**power, d).t
             error.append(np.abs(np.where(np.isfinite(moved), moved, 0) - exact).max())
-        axis.loglog(2.0**powers, np.maximum(error, 1e-17), "o-", color=color, label=kind, markersize=3)
+        axis.loglog(2.0**powers, error, "o-", color=color, label=kind, markersize=3)
     axis.axhline(0.05, color=GREY, linewidth=0.8)
     axis.text(1, 0.065, "wall of the vase", color="#666666", fontsize=8)
     axis.set(xlabel="distance from the origin (height of the vase: 1.4)", ylabel="largest error of t")
@@ -209,6 +239,7 @@ def recipes(bvh: rt.BVH) -> None:
     figure, axes = panels(2, 3, 7.4, 6.4)
     seen, found = space["seen"], space["pixels"]
     shape = seen.shape
+    light = space["ambient_occlusion"](bvh, *(space[name] for name in ("p_seen", "error_seen", "ng_seen")), samples=64)
 
     def image(values: Array) -> Array:
         whole = np.full(shape, np.nan)
@@ -216,7 +247,7 @@ def recipes(bvh: rt.BVH) -> None:
         return whole[20:300]
 
     show(axes[0], image(space["depth"][seen]), "depth", "magma_r")
-    show(axes[1], image(space["light"]), "ambient occlusion", "gray", vmin=0, vmax=1)
+    show(axes[1], image(light), "ambient occlusion", "gray", vmin=0, vmax=1)
     show(axes[2], image(space["thickness"][found.prim_id[seen]]), "wall thickness", "viridis", vmax=0.1)
     p, p_error, ng = bvh.surface(found)
     lamp = np.array([0.75, 1.9, 0.9])
@@ -234,7 +265,7 @@ def recipes(bvh: rt.BVH) -> None:
 
 
 def show(axis: Any, values: Array, title: str, colours: str, **limits: Any) -> None:
-    axis.imshow(values, cmap=colours, **limits)
+    axis.imshow(values, cmap=plt.get_cmap(colours).with_extremes(bad="#cfe0ee"), **limits)
     axis.set(title=title, xticks=[], yticks=[])
 
 
