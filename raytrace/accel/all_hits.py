@@ -43,7 +43,8 @@ from raytrace.accel.octants import Axes, RayPacket, axes_of, make_ray_frame, oct
 from raytrace.accel.packet import Reach, enter_packet, few, one_triangle
 from raytrace.accel.pool import SCATTERED, spread, suits_pool, trace_pool, triangles_of_ray
 from raytrace.accel.pool_scratch import NEXT, PLACE, frame_of_ray, read_number, read_state
-from raytrace.accel.query import collect, packet_bounds, packets_from, trace_collected, write
+from raytrace.accel.query import collect, packet_bounds, packets_from, trace_collected
+from raytrace.accel.results import write
 from raytrace.accel.scratch import (
     ROWS,
     TMAX,

@@ -31,7 +31,7 @@ from raytrace.accel.layout import NODE_SIZE
 from raytrace.accel.octants import Axes, RayPacket, axes_of, make_ray_frame, octants_of, same_octant_and_axis
 from raytrace.accel.packet import any_packet, closest_packet
 from raytrace.accel.pool import SCATTERED, any_in_leaf, closest_in_leaf, found_in_pool, spread, suits_pool, trace_pool
-from raytrace.accel.results import write, write_hits, write_occluded  # noqa: F401  (write: for other queries)
+from raytrace.accel.results import write_hits, write_occluded
 from raytrace.accel.scratch import (
     FRAME,
     HIT_T,
