@@ -18,8 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from raytrace.accel import query
 from raytrace.accel.bvh import BVH
 from raytrace.accel.inputs import check_rays, rays_of
-from raytrace.accel.layout import aligned, integers
-from raytrace.accel.pool_scratch import without_pool
+from raytrace.accel.layout import aligned
 from raytrace.jit import PLAIN
 from raytrace.native.caller import (
     LAYOUT_NUMBER,
@@ -88,7 +87,7 @@ def handle(bvh: BVH) -> Handle:
     >>> depth(compiled.handle(bvh), np.array([0.25, 0.25, 1]), np.array([[0, 0, -1.0], [0, 0, 1.0]]))
     array([ 1., inf], dtype=float32)
     """
-    dtype, work = bvh.triangles.dtype, without_pool(bvh.work())  # a pool would be allocated for every call
+    dtype, work = bvh.triangles.dtype, bvh.work()
     column, numbers = Columns(np.empty(8, dtype), 0, 0, 1), np.empty(1, np.int32)
     rays, hits = Rays(*[column] * 4), Hits(column.data, numbers, column.data, column.data)
     closest = _words(query.closest_hit, (bvh.tree, rays, hits, 1, work))
@@ -204,18 +203,7 @@ def _tree(scene: Handle) -> Tree:
 def _work(scene: Handle) -> Work:
     """Allocate scratch memory for a call from Python."""
     dtype, lengths = scene.extent.dtype, scene.closest[-WORK + 1 :: 2]
-    kinds = (
-        dtype.name,
-        "int32",
-        "int32",
-        dtype.name,
-        "int32",
-        "int64",
-        dtype.name,
-        integers(dtype).name,
-        "int32",
-        "int32",
-    )
+    kinds = dtype.name, "int32", "int32", dtype.name, "int32", "int64"
     return Work(*(aligned(int(n), np.dtype(kind)) for n, kind in zip(lengths, kinds, strict=True)))
 
 

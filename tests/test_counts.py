@@ -39,7 +39,7 @@ def counts_of(bvh, origins, directions):
     arrays = [np.asarray(a, np.float32) for a in (origins, directions, 0.0, np.inf)]
     n = len(directions)
     hits = Hits(np.empty(n, np.float32), np.empty(n, np.int32), np.empty(n, np.float32), np.empty(n, np.float32))
-    work = bvh.work()
+    work = bvh.pool_work()
     query.closest_hit(bvh.tree, Rays(*(columns_of(a, n) for a in arrays)), hits, n, work)
     return work.counts
 

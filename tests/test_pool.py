@@ -10,7 +10,6 @@ from raytrace.accel import query, reorder
 from raytrace.accel.inputs import columns_of
 from raytrace.accel.lanes import BITS, least_lane, load, peek_either, store, store_packed
 from raytrace.accel.pool import suits_pool
-from raytrace.accel.pool_scratch import without_pool
 from raytrace.records import Hits, Rays
 
 pytestmark = pytest.mark.engine
@@ -44,8 +43,8 @@ def traced(bvh, asked, work):
 def test_a_pool_gives_the_bits_of_packets(precision, split):
     bvh = rt.BVH(*rays.soup(3000, seed=2), precision, split)
     asked = batch(precision)
-    hits, occluded, nodes = traced(bvh, asked, bvh.work())
-    others, blocked, others_nodes = traced(bvh, asked, without_pool(bvh.work()))
+    hits, occluded, nodes = traced(bvh, asked, bvh.pool_work())
+    others, blocked, others_nodes = traced(bvh, asked, bvh.work())
     assert 0.2 < np.mean(hits.prim_id >= 0) < 0.9
     assert rays.same_hits(hits, others)
     assert np.array_equal(occluded, blocked)
@@ -54,16 +53,15 @@ def test_a_pool_gives_the_bits_of_packets(precision, split):
 
 def test_small_trees_have_none():
     bvh = rt.BVH(*rays.soup(60, seed=2))
-    work = bvh.work()
-    assert not suits_pool(bvh.tree, work)
-    assert traced(bvh, batch("float32"), work)[2] == traced(bvh, batch("float32"), without_pool(bvh.work()))[2]
+    assert not suits_pool(bvh.tree)
+    assert traced(bvh, batch("float32"), bvh.pool_work())[2] == traced(bvh, batch("float32"), bvh.work())[2]
 
 
 @pool_only
 def test_scattered_rays_are_not_sorted_for_it(monkeypatch):
     bvh = rt.BVH(*rays.soup(3000, seed=2))
     o, d = rays.anywhere(N, 3)
-    scratch = reorder.make_sort_scratch(N, np.dtype("f4"), bvh.work())
+    scratch = reorder.make_sort_scratch(N, np.dtype("f4"), bvh.pool_work())
 
     def sorted_first(o, d):
         asked = Rays(*(columns_of(np.asarray(a, "f4"), N) for a in (o, d, np.zeros(N), np.ones(N))))
@@ -71,8 +69,6 @@ def test_scattered_rays_are_not_sorted_for_it(monkeypatch):
 
     assert not sorted_first(o, d)
     assert sorted_first(o, np.tile([[0.1, 0.2, 1.0]], (N, 1)))  # these share packets once they are sorted
-    scratch = scratch._replace(work=without_pool(scratch.work))
-    assert sorted_first(o, d)
 
 
 @numba.njit(error_model="numpy")

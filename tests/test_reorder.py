@@ -43,7 +43,7 @@ def test_keys_are_sorted_and_no_ray_is_lost(precision):
     bvh = rt.BVH(*rays.soup(3000, seed=1, size=0.05), precision)
     n = 5003
     o, d = scattered(n, 4, precision)
-    scratch = reorder.make_sort_scratch(n, np.dtype(precision), bvh.work())
+    scratch = reorder.make_sort_scratch(n, np.dtype(precision), bvh.pool_work())
     asked, kept = batch(o, d, precision)
     row = reorder.sort_rays(asked, n, bvh.grid, scratch)
     assert (np.diff(scratch.keys[row, :n]) >= 0).all()
@@ -58,7 +58,7 @@ def test_a_key_is_the_cell_of_the_origin_and_the_kind_of_the_direction(precision
     grid = reorder.Grid(np.full(3, -1.0).astype(precision), np.full(3, 2.0).astype(precision), 2)
     o = np.array([[-1, -1, -1], [0.99, -1, -1], [-1, -0.4, -1], [-1, -1, 0.1], [5, -7, 0], [0, 0, 0]])
     d = np.array([[3, 1, 2], [-3, 1, 2], [1, -3, 2], [1, 2, -3], [1, 1, 1], [0, 0, -0.0]])
-    scratch = reorder.make_sort_scratch(len(o), np.dtype(precision), bvh.work())
+    scratch = reorder.make_sort_scratch(len(o), np.dtype(precision), bvh.pool_work())
     asked, kept = batch(o, d, precision)
     reorder.sort_rays(asked, len(o), grid, scratch)
     got = np.empty(len(o), int)
@@ -84,7 +84,7 @@ def test_rays_that_are_in_order_stay_in_it_and_others_are_sorted(precision, monk
         return real(rays, n, grid, scratch)
 
     monkeypatch.setattr(reorder, "_sorted", spy)
-    scratch = reorder.make_sort_scratch(len(d), np.dtype(precision), bvh.work())
+    scratch = reorder.make_sort_scratch(len(d), np.dtype(precision), bvh.pool_work())
     asked, kept = batch(o, d, precision)
     assert reorder.changes(asked, len(d), bvh.grid, scratch)[0] < 0.2 * reorder.SAMPLE
     bvh.closest_hit(o, d)
@@ -108,7 +108,7 @@ def test_changes_are_counted_between_neighbours_whatever_the_width_of_registers(
     d = np.stack([signs, np.full(n, 0.5), np.full(n, 0.25)], axis=1)
     starts = [part * (n - rays.PACKET) // (reorder.SAMPLE // rays.PACKET - 1) for part in range(16)]
     expected = sum(np.count_nonzero(np.diff(signs[start : start + rays.PACKET])) for start in starts)
-    scratch = reorder.make_sort_scratch(n, np.dtype(precision), bvh.work())
+    scratch = reorder.make_sort_scratch(n, np.dtype(precision), bvh.pool_work())
     asked, kept = batch(0 * d, d, precision)
     assert reorder.changes(asked, n, bvh.grid, scratch) == (expected, expected)  # keys, and directions
     assert len(kept) == 4

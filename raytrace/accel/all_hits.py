@@ -41,7 +41,7 @@ from raytrace.accel.lanes import (
 from raytrace.accel.layout import LEAF_SIZE, PRIM_ID
 from raytrace.accel.octants import Axes, RayPacket, axes_of, make_ray_frame, octants_of, same_octant_and_axis
 from raytrace.accel.packet import Reach, enter_packet, few, one_triangle
-from raytrace.accel.pool import SCATTERED, spread, suits_pool, trace_pool, triangles_of_ray
+from raytrace.accel.pool import trace_scattered, triangles_of_ray
 from raytrace.accel.pool_scratch import NEXT, PLACE, frame_of_ray, read_number, read_state
 from raytrace.accel.query import collect, packet_bounds, packets_from, trace_collected
 from raytrace.accel.results import write
@@ -208,12 +208,10 @@ def trace_all(tree: Tree, rays: Rays, counts, n: int, meet, in_packet, in_leaf, 
         axis = collect(rays, i, n, packets, work)
         write_user_rows(tree, rays, i, n, packets, work)
         work.state[FIRST] = i
-        if not trace_collected(tree, axis, packets, in_packet, work):
-            if suits_pool(tree, work) and spread(packets, work) > SCATTERED:
-                trace_pool(tree, packets, in_leaf, work)
-            else:
-                for r in range(packets):
-                    all_of_packet(tree, r, meet, work, like)
+        traced = trace_collected(tree, axis, packets, in_packet, work)
+        if not traced and not trace_scattered(tree, packets, in_leaf, work):
+            for r in range(packets):
+                all_of_packet(tree, r, meet, work, like)
         for r in range(packets):
             write(counts, i + r * width, n, read_prim_id(work, r, like))
 

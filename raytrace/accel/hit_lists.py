@@ -163,7 +163,7 @@ class _Scratch:
     """Scratch memory of one thread."""
 
     def __init__(self, bvh: "RayQueries", rows: int) -> None:
-        work = bvh.work()
+        work = bvh.pool_work()
         self.sort = reorder.make_sort_scratch(rows, bvh.triangles.dtype, work)
         self.hits = make_hit_work(work, 0)
         self.counts, self.ordered = np.empty((2, rows), np.int32)  # of hits: in the order of tracing, and as given

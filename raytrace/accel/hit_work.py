@@ -35,7 +35,7 @@ from raytrace.accel.scratch import (
 )
 from raytrace.jit import inlined
 from raytrace.records import Rays, Tree
-from raytrace.work_records import Work
+from raytrace.work_records import PoolWork
 
 # Rows of the slots of a bundle, which need neither u nor v
 USER_TMIN, USER_TMAX = HIT_V, HIT_V + 1  # as given; for rays that cannot hit, inf and -inf
@@ -48,7 +48,7 @@ SLACK = 512.0  # machine epsilons of ``REACH``: more than the rounding error of 
 
 
 class HitWork(NamedTuple):
-    """Scratch memory of one thread. The first ten fields are those of ``Work``; ``prim_id`` holds the rays' counts."""
+    """Scratch memory of one thread. The first fields are those of ``PoolWork``; ``prim_id`` holds the rays' counts."""
 
     t: NDArray[np.floating]
     child: NDArray[np.int32]
@@ -73,7 +73,7 @@ class HitWork(NamedTuple):
     pair_prim: NDArray[np.int32]
 
 
-def make_hit_work(work: Work, hits: int, pairs: int = 0) -> HitWork:
+def make_hit_work(work: PoolWork, hits: int, pairs: int = 0) -> HitWork:
     """Allocate scratch memory for so many hits and pairs."""
     dtype = work.lanes.dtype
     room = hits + PACKET

@@ -39,8 +39,8 @@ from raytrace.accel.lanes import (
 from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, NORMAL, PRESENT, PRIM_ID
 from raytrace.accel.pool_scratch import (
     BOTTOM,
-    FOUND,
     NEXT,
+    PLACE,
     QUEUE,
     RAYS,
     TOP,
@@ -57,6 +57,7 @@ from raytrace.accel.scratch import (
     HIT_T,
     HIT_U,
     HIT_V,
+    OCCLUDED,
     ROWS,
     SLABS,
     TMIN,
@@ -66,22 +67,22 @@ from raytrace.accel.scratch import (
 from raytrace.accel.single import eight_triangles, planes_of_node
 from raytrace.accel.stack import NOTHING, ROOT
 from raytrace.accel.triangle import Triangle, intersect
-from raytrace.jit import inlined
+from raytrace.jit import inlined, specialised
 from raytrace.records import Tree
-from raytrace.work_records import Work
+from raytrace.work_records import PoolWork, Work
 
 POOL_NODES = 16  # least nodes of a tree: in smaller ones, packets are faster
 SCATTERED = 0.5  # least spread of the directions of a bundle: where they differ less, packets are faster
 
 
 @inlined
-def suits_pool(tree: Tree, work: Work) -> bool:
+def suits_pool(tree: Tree) -> bool:
     """Whether a pool can be faster in a tree: with registers of 512 bits, which can be packed, and enough nodes."""
-    return BITS == 512 and len(tree.nodes.bounds) >= POOL_NODES * NODE_SIZE and len(work.pool_t) > 0
+    return BITS == 512 and len(tree.nodes.bounds) >= POOL_NODES * NODE_SIZE
 
 
 @inlined
-def spread(packets: int, work: Work):
+def spread(packets: int, work: PoolWork):
     """Sum of the extents along x, y and z of the directions of a bundle, whose largest components are scaled to 1."""
     like = packet(work.lanes)
     low_x, low_y, low_z = splat(np.inf, like), splat(np.inf, like), splat(np.inf, like)
@@ -116,7 +117,7 @@ def either(mask, x, y, like):
 
 
 @inlined
-def enter_pool(tree: Tree, r: int, work: Work) -> int:
+def enter_pool(tree: Tree, r: int, work: PoolWork) -> int:
     """Write what each ray of packet r needs on its own; return the bits of the rays that are traced."""
     like, width = packet(work.lanes), packet_width(work.lanes)
     o, d, scale, tmin, tmax = read_bundle_rays(work, r, like)
@@ -133,7 +134,7 @@ def enter_pool(tree: Tree, r: int, work: Work) -> int:
         either(d[0] < 0.0, 24, 0, like), either(d[1] < 0.0, 32, 8, like), either(d[2] < 0.0, 40, 16, like),
         select(on_x, np.int32(8), either(on_y, 16, 0, like)), select(on_x, np.int32(16), either(on_y, 0, 8, like)),
         select(on_x, np.int32(0), either(on_y, 8, 16, like)), splat_int(ROOT, like), bottom, bottom,
-        splat_int(-1, like), lane_numbers(like) + np.int32(width * (r + 1)),
+        lane_numbers(like) + np.int32(width * (r + 1)),
     ):  # fmt: skip
         store(work.pool_state, at, x)
         at += width
@@ -141,19 +142,13 @@ def enter_pool(tree: Tree, r: int, work: Work) -> int:
 
 
 @inlined
-def found_in_pool(r: int, work: Work):
-    """Numbers of the triangles that the rays of packet r have hit, or -1; 1 in any-hit queries."""
-    return load(work.pool_state, ((r + 1) * ROWS + FOUND) * packet_width(work.lanes), packet(work.lanes))
-
-
-@inlined
-def triangles_of_ray(tree: Tree, f: int, at: int, work: Work) -> Triangle:
+def triangles_of_ray(tree: Tree, f: int, at: int, work: PoolWork) -> Triangle:
     """The eight triangles of a leaf, in the axes of ray f."""
     return eight_triangles(tree.leaves.rows, at, axes_of_ray(work, f))
 
 
 @inlined
-def enqueue(work: Work, f: int, child: int, top: int, nodes: int, leaves: int):
+def enqueue(work: PoolWork, f: int, child: int, top: int, nodes: int, leaves: int):
     """Append ray f to the queue that its next child belongs to, or to none; return the lengths of both."""
     write_state(work, f, NEXT, child)
     write_state(work, f, TOP, top)
@@ -163,7 +158,7 @@ def enqueue(work: Work, f: int, child: int, top: int, nodes: int, leaves: int):
 
 
 @inlined
-def step_through_node(tree: Tree, f: int, nodes: int, leaves: int, work: Work):
+def step_through_node(tree: Tree, f: int, nodes: int, leaves: int, work: PoolWork):
     """Take ray f through a node: on to the nearest child, or to what is on its stack; the other children go there."""
     at, top = read_state(work, f, NEXT) * NODE_SIZE, read_state(work, f, TOP)
     near, far = planes_of_node(tree.nodes.bounds, at, axes_of_ray(work, f))
@@ -180,7 +175,7 @@ def step_through_node(tree: Tree, f: int, nodes: int, leaves: int, work: Work):
 
 
 @inlined
-def cull(work: Work, bottom: int, top: int, tmax) -> int:
+def cull(work: PoolWork, bottom: int, top: int, tmax) -> int:
     """Remove from a stack what lies beyond tmax; return its height. So nothing is tested when it is popped."""
     kept = bottom
     for i in range(bottom, top, NODE):
@@ -193,14 +188,15 @@ def cull(work: Work, bottom: int, top: int, tmax) -> int:
 
 
 @inlined
-def closest_in_leaf(tree: Tree, f: int, top: int, work: Work) -> int:
+def closest_in_leaf(tree: Tree, f: int, top: int, work: PoolWork) -> int:
     """Find the nearest hit of ray f in a leaf; return the height of its stack without what lies beyond."""
     at, t = ~read_state(work, f, NEXT) * LEAF_SIZE, read_number(work, f, HIT_T)
     inside, t_new, u_new, v_new = intersect(tree.leaves, frame_of_ray(work, f), triangles_of_ray(tree, f, at, work))
     left = bits(inside & (t_new > read_number(work, f, TMIN)) & (t_new <= t))
     if left == 0:
         return top
-    prim, u, v = np.int32(read_state(work, f, FOUND)), read_number(work, f, HIT_U), read_number(work, f, HIT_V)
+    place = read_state(work, f, PLACE)
+    prim, u, v = peek(work.prim_id, place), read_number(work, f, HIT_U), read_number(work, f, HIT_V)
     while left != 0:
         k = first_bit(left)
         left &= left - 1
@@ -210,23 +206,23 @@ def closest_in_leaf(tree: Tree, f: int, top: int, work: Work) -> int:
     write_number(work, f, HIT_T, t)
     write_number(work, f, HIT_U, u)
     write_number(work, f, HIT_V, v)
-    write_state(work, f, FOUND, prim)
+    poke(work.prim_id, place, prim)
     return cull(work, read_state(work, f, BOTTOM), top, t)
 
 
 @inlined
-def any_in_leaf(tree: Tree, f: int, top: int, work: Work) -> int:
+def any_in_leaf(tree: Tree, f: int, top: int, work: PoolWork) -> int:
     """Note whether ray f hits anything in a leaf; return the height of its stack, or -1 if it does."""
     at = ~read_state(work, f, NEXT) * LEAF_SIZE
     inside, t, _, _ = intersect(tree.leaves, frame_of_ray(work, f), triangles_of_ray(tree, f, at, work))
     if bits(inside & (t > read_number(work, f, TMIN)) & (t < read_number(work, f, HIT_T))) == 0:
         return top
-    write_state(work, f, FOUND, 1)
+    write_number(work, f, OCCLUDED, 1.0)
     return -1
 
 
 @inlined
-def step_through_leaf(tree: Tree, f: int, visit, nodes: int, leaves: int, work: Work):
+def step_through_leaf(tree: Tree, f: int, visit, nodes: int, leaves: int, work: PoolWork):
     """Take ray f through a leaf, and on to what is on its stack."""
     work.counts[1] += NODE
     top = visit(tree, f, read_state(work, f, TOP), work)
@@ -236,7 +232,7 @@ def step_through_leaf(tree: Tree, f: int, visit, nodes: int, leaves: int, work: 
 
 
 @inlined
-def trace_pool(tree: Tree, packets: int, visit, work: Work):
+def trace_pool(tree: Tree, packets: int, visit, work: PoolWork):
     """Trace the rays of a bundle; ``visit`` tests one against the triangles of a leaf."""
     nodes, leaves = 0, 0
     for r in range(packets):
@@ -259,3 +255,24 @@ def trace_pool(tree: Tree, packets: int, visit, work: Work):
         for j in range(turns):
             f = np.int64(peek(work.pool_queue, QUEUE + j))
             nodes, leaves = step_through_leaf(tree, f, visit, nodes, leaves, work)
+
+
+def trace_scattered(tree: Tree, packets: int, visit, work: Work | PoolWork) -> bool:
+    """Trace the rays of a bundle in a pool if there is one, and it is faster; return whether they are traced."""
+    return hasattr(work, "pool_t") and trace_if_scattered(tree, packets, visit, work)
+
+
+@inlined
+def trace_if_scattered(tree: Tree, packets: int, visit, work: PoolWork) -> bool:
+    """Trace the rays of a bundle in a pool if that is faster; return whether they are traced."""
+    if not suits_pool(tree) or not spread(packets, work) > SCATTERED:
+        return False
+    trace_pool(tree, packets, visit, work)
+    return True
+
+
+@specialised(trace_scattered)
+def _trace_scattered(tree, packets, visit, work):
+    if "pool_t" in work.instance_class._fields:
+        return lambda tree, packets, visit, work: trace_if_scattered(tree, packets, visit, work)
+    return lambda tree, packets, visit, work: False

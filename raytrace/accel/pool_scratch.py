@@ -14,12 +14,12 @@ from raytrace.accel.scratch import FRAME, ROWS, SLABS
 from raytrace.accel.stack import NOTHING
 from raytrace.accel.triangle import RayFrame
 from raytrace.jit import inlined
-from raytrace.work_records import Work
+from raytrace.work_records import PoolWork
 
-# Rows of ``Work.pool_state``. A slot has as many rows as one of ``Work.lanes``, so that a ray has one place in both.
+# Rows of ``PoolWork.pool_state``. A slot has as many rows as one of ``lanes``, so that a ray has one place in both.
 AXES = 0  # 6 rows, the fields of Axes
-NEXT, TOP, BOTTOM, FOUND = 6, 7, 8, 9  # node or leaf to visit; height of the stack; its least height; triangle hit
-PLACE = 10  # of the ray in ``Work.prim_id``
+NEXT, TOP, BOTTOM = 6, 7, 8  # node or leaf to visit; height of the stack; its least height
+PLACE = 9  # of the ray in ``prim_id``
 
 RAYS = BUNDLE * PACKET  # most rays of a pool
 QUEUE = RAYS + 1  # elements of a queue: one more than there are rays, because every ray is written to both
@@ -34,38 +34,32 @@ def make_pool(height: int, dtype: np.dtype) -> tuple[NDArray[Any], NDArray[Any],
     return aligned(RAYS * room, dtype), child, state, np.empty(2 * QUEUE, np.int32)
 
 
-def without_pool(work: Work) -> Work:
-    """Return scratch memory without a pool, for calls of few rays."""
-    empty = [a[:0] for a in (work.pool_t, work.pool_child, work.pool_state, work.pool_queue)]
-    return work._replace(pool_t=empty[0], pool_child=empty[1], pool_state=empty[2], pool_queue=empty[3])
-
-
 @inlined
-def read_number(work: Work, f: int, row: int):
+def read_number(work: PoolWork, f: int, row: int):
     """One number of ray f."""
     return peek(work.lanes, f + packet_width(work.lanes) * row)
 
 
 @inlined
-def write_number(work: Work, f: int, row: int, x):
+def write_number(work: PoolWork, f: int, row: int, x):
     """Write one number of ray f."""
     poke(work.lanes, f + packet_width(work.lanes) * row, x)
 
 
 @inlined
-def read_state(work: Work, f: int, row: int):
+def read_state(work: PoolWork, f: int, row: int):
     """One integer of ray f."""
     return np.int64(peek(work.pool_state, f + packet_width(work.lanes) * row))
 
 
 @inlined
-def write_state(work: Work, f: int, row: int, x: int):
+def write_state(work: PoolWork, f: int, row: int, x: int):
     """Write one integer of ray f."""
     poke(work.pool_state, f + packet_width(work.lanes) * row, np.int32(x))
 
 
 @inlined
-def axes_of_ray(work: Work, f: int) -> Axes:
+def axes_of_ray(work: PoolWork, f: int) -> Axes:
     """Octant and dominant axis of ray f."""
     return Axes(
         read_state(work, f, AXES), read_state(work, f, AXES + 1), read_state(work, f, AXES + 2),
@@ -74,7 +68,7 @@ def axes_of_ray(work: Work, f: int) -> Axes:
 
 
 @inlined
-def slabs_of_ray(work: Work, f: int) -> Slabs:
+def slabs_of_ray(work: PoolWork, f: int) -> Slabs:
     """Slabs of ray f."""
     return Slabs(
         read_number(work, f, SLABS), read_number(work, f, SLABS + 1), read_number(work, f, SLABS + 2),
@@ -85,7 +79,7 @@ def slabs_of_ray(work: Work, f: int) -> Slabs:
 
 
 @inlined
-def frame_of_ray(work: Work, f: int) -> RayFrame:
+def frame_of_ray(work: PoolWork, f: int) -> RayFrame:
     """Frame of ray f."""
     return RayFrame(
         read_number(work, f, FRAME), read_number(work, f, FRAME + 1), read_number(work, f, FRAME + 2),

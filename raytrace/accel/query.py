@@ -30,7 +30,7 @@ from raytrace.accel.lanes import (
 from raytrace.accel.layout import NODE_SIZE
 from raytrace.accel.octants import Axes, RayPacket, axes_of, make_ray_frame, octants_of, same_octant_and_axis
 from raytrace.accel.packet import any_packet, closest_packet
-from raytrace.accel.pool import SCATTERED, any_in_leaf, closest_in_leaf, found_in_pool, spread, suits_pool, trace_pool
+from raytrace.accel.pool import any_in_leaf, closest_in_leaf, trace_scattered
 from raytrace.accel.results import write_hits, write_occluded
 from raytrace.accel.scratch import (
     FRAME,
@@ -193,14 +193,10 @@ def closest_hit(tree: Tree, rays: Rays, hits: Hits, n, work: Work):
     like, step, i = packet(tree.nodes.bounds), group_size(work.lanes) * packet_width(tree.nodes.bounds), 0
     while left(i, n) > 0:
         count = packets_from(i, n, work)
-        if not trace_together(tree, rays, i, n, closest_in_packet, work):
-            if suits_pool(tree, work) and spread(count, work) > SCATTERED:
-                trace_pool(tree, count, closest_in_leaf, work)
-                for r in range(count):
-                    write_prim_id(work, r, found_in_pool(r, work))
-            else:
-                for r in range(count):
-                    closest_of_packet(tree, r, work, like)
+        traced = trace_together(tree, rays, i, n, closest_in_packet, work)
+        if not traced and not trace_scattered(tree, count, closest_in_leaf, work):
+            for r in range(count):
+                closest_of_packet(tree, r, work, like)
         write_hits(hits, i, n, count, work)
         i = after(i, step, n)
 
@@ -211,14 +207,10 @@ def any_hit(tree: Tree, rays: Rays, occluded, n, work: Work):
     like, step, i = packet(tree.nodes.bounds), group_size(work.lanes) * packet_width(tree.nodes.bounds), 0
     while left(i, n) > 0:
         count = packets_from(i, n, work)
-        if not trace_together(tree, rays, i, n, any_in_packet, work):
-            if suits_pool(tree, work) and spread(count, work) > SCATTERED:
-                trace_pool(tree, count, any_in_leaf, work)
-                for r in range(count):
-                    write_rows(work, r, OCCLUDED, (select(found_in_pool(r, work) >= 0, splat(1.0, like), 0.0),))
-            else:
-                for r in range(count):
-                    hit = mask_of(any_of_packet(tree, r, work, like), like)
-                    write_rows(work, r, OCCLUDED, (select(hit, splat(1.0, like), 0.0),))
+        traced = trace_together(tree, rays, i, n, any_in_packet, work)
+        if not traced and not trace_scattered(tree, count, any_in_leaf, work):
+            for r in range(count):
+                hit = mask_of(any_of_packet(tree, r, work, like), like)
+                write_rows(work, r, OCCLUDED, (select(hit, splat(1.0, like), 0.0),))
         write_occluded(occluded, i, n, count, work)
         i = after(i, step, n)

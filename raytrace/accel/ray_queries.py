@@ -17,7 +17,7 @@ from raytrace.accel.pool_scratch import make_pool
 from raytrace.accel.scratch import ROWS
 from raytrace.parallel import MAX_RANGE, share_out
 from raytrace.records import AllHits, Hits, Tree
-from raytrace.work_records import Work
+from raytrace.work_records import PoolWork, Work
 
 
 class RayQueries:
@@ -84,7 +84,7 @@ class RayQueries:
 
         def trace(begin: int, end: int) -> None:
             part = Hits(*(column[begin:end] for column in hits))
-            scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.work())
+            scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.pool_work())
             batch = Pixels(width, (end - begin) // width) if width else end - begin
             reorder.closest_hit(tree, grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
             unused.append(scratch)
@@ -122,7 +122,7 @@ class RayQueries:
 
         def trace(begin: int, end: int) -> None:
             part = occluded[begin:end]
-            scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.work())
+            scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.pool_work())
             batch = Pixels(width, (end - begin) // width) if width else end - begin
             reorder.any_hit(tree, grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
             unused.append(scratch)
@@ -254,5 +254,8 @@ class RayQueries:
             aligned((BUNDLE + 1) * ROWS * PACKET, dtype),
             aligned((BUNDLE + 1) * PACKET, np.dtype(np.int32)),
             np.zeros(2, np.int64),
-            *make_pool(height, dtype),
         )
+
+    def pool_work(self) -> PoolWork:
+        """Allocate scratch memory for one thread and rays that may be scattered."""
+        return PoolWork(*self.work(), *make_pool((NODE - 1) * self.levels + 2, self.triangles.dtype))

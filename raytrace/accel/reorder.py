@@ -31,7 +31,7 @@ from raytrace.accel.layout import boxes_of, children_of
 from raytrace.accel.pool import suits_pool
 from raytrace.jit import inlined, kernel
 from raytrace.records import Columns, Hits, Rays, Tree
-from raytrace.work_records import Work
+from raytrace.work_records import PoolWork
 
 DIGIT = 12  # bits that one pass of the radix sort orders by
 DIRECTION_BITS = 5  # of a key: octant (3) and dominant axis (2)
@@ -56,7 +56,7 @@ class SortScratch(NamedTuple):
     rays: NDArray[np.floating]  # (8n,) f: o x y z, d x y z, tmin, tmax
     hits: Hits
     occluded: NDArray[np.bool_]
-    work: Work
+    work: PoolWork
 
 
 def make_grid(tree: Tree) -> Grid:
@@ -69,7 +69,7 @@ def make_grid(tree: Tree) -> Grid:
     return Grid(low, scale.astype(low.dtype), bits)
 
 
-def make_sort_scratch(n: int, dtype: np.dtype, work: Work) -> SortScratch:
+def make_sort_scratch(n: int, dtype: np.dtype, work: PoolWork) -> SortScratch:
     """Allocate scratch memory for n rays."""
     n = -(-n // PACKET) * PACKET
     hits = Hits(np.empty(n, dtype), np.empty(n, np.int32), np.empty(n, dtype), np.empty(n, dtype))
@@ -185,7 +185,7 @@ def worth_sorting(tree: Tree, grid: Grid, rays: Rays, n: int, scratch: SortScrat
     if n < SAMPLE:
         return False
     keys, directions = changes(rays, n, grid, scratch)
-    return 2 * keys > SAMPLE and not (2 * directions > SAMPLE and suits_pool(tree, scratch.work))
+    return 2 * keys > SAMPLE and not (2 * directions > SAMPLE and suits_pool(tree))
 
 
 def closest_hit(tree: Tree, grid: Grid, rays: Rays, hits: Hits, batch: int | Pixels, scratch: SortScratch) -> None:

@@ -40,9 +40,9 @@ class PathWavefront:
         self.scene, self.view, self.sampler, self.most = scene, view, sampler, n
         self.seconds: defaultdict[str, float] = defaultdict(float)
         self.rays: Counter[str] = Counter()
-        self.work = scene.bvh.work()
+        self.work = scene.bvh.pool_work()
         trees = (scene.shadow_bvh, scene.passed_bvh)
-        self.shadow_work = {id(bvh): bvh.work() for bvh in trees if bvh is not None}
+        self.shadow_work = {id(bvh): bvh.pool_work() for bvh in trees if bvh is not None}
         textured = scene.textures is not None
         memory = ColumnMemory(2 * PATH_COLUMNS + VERTEX_COLUMNS + INCIDENT_COLUMNS + 5 + 3 * textured, n, dtype)
         ng = memory.take(3)
