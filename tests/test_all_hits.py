@@ -254,3 +254,11 @@ def test_expansions_are_exact():
         assert sum(map(Fraction, x[18 : 18 + n])) == product
         assert expansions.sign_of(x, 18, n) == (product > 0) - (product < 0)
         assert expansions.value_of(x, 18, n) == pytest.approx(float(product), rel=1e-14)
+
+
+def test_crossings_along_subnormal_directions_keep_their_t():
+    """A direction below the normal numbers still has finite t close to the surface."""
+    corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    bvh = rt.BVH(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], precision="float64")
+    hits = bvh.all_hits([0.25, 0.25, 2.0**-52], [0, 0, -(2.0**-1060)], crossings=True)
+    assert hits.t.tolist() == [2.0**1008]

@@ -163,3 +163,14 @@ def test_the_sign_is_negative_inside_and_zero_on_the_surface(monkeypatch):
     assert distance.dtype == np.float32
     assert np.array_equal(distance, np.float32([[-1, -0.25], [0, 2], [0, np.sqrt(2)]]))
     assert not np.signbit(distance[1:, 0]).any()
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_signed_distance_has_a_sign_next_to_the_surface(precision):
+    """The smallest step from a face rounds to the distance 0, but the point is not on the surface."""
+    corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    bvh = rt.BVH(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], precision=precision)
+    step = np.finfo(precision).smallest_subnormal
+    distance = bvh.signed_distance([[step, 0.25, 0.25], [0, 0.25, 0.25], [-step, 0.25, 0.25]])
+    assert np.sign(distance).tolist() == [-1, 0, 1]
+    assert np.abs(distance).max() < 1e-30

@@ -120,7 +120,7 @@ def holds_origin(x, u, v, w):
 
 @subroutine
 def measure(x, unit, limits):
-    """Exact t, u, v of a crossing, rounded; ``unit``: of positions over that of directions; limits of |t|."""
+    """Exact t, u, v of a crossing, rounded; ``unit``: of positions, and of directions; limits of |t|."""
     e, f, g = triple_product(x, E, D, C, B), triple_product(x, F, D, A, C), triple_product(x, G, D, B, A)
     height = value_of(x, H, triple_product(x, H, A, B, C))
     v, w = value_of(x, F, f), value_of(x, G, g)
@@ -131,14 +131,14 @@ def measure(x, unit, limits):
     total = value_of(x, E, e)
     t = 0.0
     if height != 0.0:
-        t = min(max(abs(height / total) * unit, limits[0]), limits[1])
+        t = min(max(abs(height / total) * unit[0] / unit[1], limits[0]), limits[1])
         t = -t if (height > 0.0) == (total > 0.0) else t
     return t, min(v / total, 1.0), min(w / total, 1.0)
 
 
 @subroutine
 def read_pair(x, o, d, triangles, row):
-    """Write the vectors of a ray and a triangle; return whether they are exact, and the unit of t."""
+    """Write the vectors of a ray and a triangle; return whether they are exact, and their units."""
     size = largest_of(o)
     for k in range(9):
         size = max(size, abs(np.float64(peek(triangles, row + k))))
@@ -154,7 +154,7 @@ def read_pair(x, o, d, triangles, row):
         write_difference(x, A + k * VECTOR, vertex, near_o)
     for axis in range(3):
         x[D + 2 * axis], x[D + 2 * axis + 1] = near_d[axis], 0.0
-    return fine, size / length
+    return fine, (size, length)  # their quotient can overflow
 
 
 @subroutine

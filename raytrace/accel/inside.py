@@ -59,20 +59,26 @@ def check_closed(bvh: "RayQueries", what: str) -> None:
 
 def inside(bvh: "RayQueries", points: ArrayLike, threads: int | None) -> NDArray[np.bool_]:
     """Return for each point whether it lies in the interior or on the surface of a closed mesh."""
+    return locate(bvh, points, threads)[0]
+
+
+def locate(bvh: "RayQueries", points: ArrayLike, threads: int | None) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return for each point whether it lies in the interior or on the surface, and whether on the surface."""
     given = check_points(points)
+    shape = given.shape[:-1]
     if len(bvh.faces) == 0:
-        return np.zeros(given.shape[:-1], np.bool_)
+        return np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
     with np.errstate(over="ignore"):
         rows = given.reshape(-1, 3).astype(bvh.triangles.dtype, copy=False)
     low, high = bvh.tree.extent[:3], bvh.tree.extent[3:6]
     near = np.ones(len(rows), np.bool_)
     for axis in range(3):
         near &= (rows[:, axis] >= low[axis]) & (rows[:, axis] <= high[axis])  # False where a coordinate is NaN
+    within, on = np.zeros((2, len(rows)), np.bool_)
     chosen = rows if near.all() else rows[near]
-    if len(chosen) == 0:
-        return near.reshape(given.shape[:-1])
-    count = len(chosen)
-    fields, _ = check_rays(chosen, closure_of(bvh).direction, 0.0, np.inf, bvh.triangles.dtype)
-    counts = count_all(HitTracer(bvh, fields, count, crossings=True, surface=True), count, threads)
-    near[near] = (counts & (1 | MARKED)) != 0
-    return near.reshape(given.shape[:-1])
+    if len(chosen) > 0:
+        count = len(chosen)
+        fields, _ = check_rays(chosen, closure_of(bvh).direction, 0.0, np.inf, bvh.triangles.dtype)
+        counts = count_all(HitTracer(bvh, fields, count, crossings=True, surface=True), count, threads)
+        within[near], on[near] = (counts & (1 | MARKED)) != 0, (counts & MARKED) != 0
+    return within.reshape(shape), on.reshape(shape)

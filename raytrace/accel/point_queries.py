@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 from raytrace.accel import nearest
 from raytrace.accel.closest_exact import ROWS
 from raytrace.accel.inputs import check_points
-from raytrace.accel.inside import check_closed, inside
+from raytrace.accel.inside import check_closed, locate
 from raytrace.accel.lanes import NODE
 from raytrace.accel.layout import aligned
 from raytrace.accel.point_order import PointOrder, make_point_order, sort_points
@@ -96,7 +96,8 @@ class PointQueries(RayQueries):
         Returns
         -------
         (...) float array, world units
-            The distance of ``closest_point``, with the sign of ``contains``.
+            The distance of ``closest_point``, with the sign of ``contains``. It is 0 only on the surface: where the
+            distance of another point rounds to 0, the smallest normal number replaces it.
 
         Raises
         ------
@@ -119,9 +120,11 @@ class PointQueries(RayQueries):
         """
         rows, shape = point_rows(points)
         check_closed(self, "signed_distance")
-        within = inside(self, rows, threads)
+        within, on = locate(self, rows, threads)
         distance = self.closest_point(rows, threads=threads).distance
-        return np.where(within & (distance > 0), -distance, distance).reshape(shape)
+        distance[(distance == 0) & ~on] = np.finfo(distance.dtype).smallest_normal
+        distance[on] = 0
+        return np.where(within & ~on, -distance, distance).reshape(shape)
 
     def point_work(self) -> nearest.PointWork:
         """Allocate scratch memory for one thread."""
