@@ -110,6 +110,7 @@ def test_the_documents_derive_every_scene():
         ("film-pinhole", lambda rgb: rgb * np.float32(1.3), "same factor of 1.3"),
         ("point-light", lambda rgb: rgb * np.float32(1.37), "no known cause"),
         ("conductor-75", lambda rgb: rgb * np.float32(1.01), "no known cause"),
+        ("corridor", lambda rgb: rgb**2, "look at: Russian roulette"),
         ("furnace-room-3", lambda rgb: rgb * np.float32(0.87), "or look at: weights of multiple"),
     ],
 )  # fmt: skip
@@ -214,6 +215,13 @@ def test_a_noisy_channel_does_not_hide_another(folder, tmp_path):
     scene = {scene.name: scene for scene in judge(folder, tmp_path).scenes}["furnace-sphere"]
     assert scene.verdict == FAILS
     assert scene.worst.error == pytest.approx(0.03, abs=1e-3)
+
+
+def test_a_mean_that_is_right_by_chance_is_no_pass(folder, tmp_path):
+    rgb = painted(CASES["furnace-sphere"])
+    save(tmp_path / "furnace-sphere.npz", rgb, var=np.full_like(rgb, 0.3))  # a standard error of 3.4 %
+    scene = {scene.name: scene for scene in judge(folder, tmp_path).scenes}["furnace-sphere"]
+    assert (scene.verdict, "too noisy" in scene.reason) == (UNJUDGED, True)
 
 
 def test_copies_are_no_seeds_and_negative_variances_are_none(folder, tmp_path):

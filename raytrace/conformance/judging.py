@@ -15,6 +15,7 @@ from raytrace.errors import FileError, RaytraceError, printable
 
 PASSES, FAILS, UNJUDGED, MISSING = "passes", "fails", "cannot be judged", "not rendered"
 UNKNOWN = "no known cause fits"
+ENDS, DEEP = "Russian roulette, and paths that end early", 16  # surfaces
 EVERYWHERE = "units or exposure of lights, or energy lost at surfaces"
 SHARED, MANY, MOST = 0.004, 3, 10  # scenes whose errors are this close, and so many, share a cause
 SIGNIFICANT, SMALL = 6.0, 2e-3  # standard errors, relative error: what is above both is worth a remark
@@ -107,6 +108,7 @@ def read_answers(folder: Path) -> list[dict[str, Any]]:
             scene["regions"] = [_region(region) for region in scene["regions"]]
             scene["causes"] = [Cause(each["text"], tuple(map(tuple, each["expected"]))) for each in scene["causes"]]
             scene |= {key: str(scene[key]) for key in ("name", "about", "suspect")}
+            scene["max_depth"] = int(scene["max_depth"])
             scene["size"] = list(scene["size"])
     except OSError as error:
         text = f"can't be read: {error.strerror}; write a suite first: raytrace conformance -o DIR"
@@ -143,7 +145,7 @@ def _judge_scene(scene: dict[str, Any], folder: Path, encoded: bool = True) -> S
     if UNJUDGED in verdicts:
         worst = max(results, key=lambda each: each.noise / each.tolerance)
         more = math.ceil((SIGMAS * worst.noise / worst.tolerance) ** 2)
-        reason = f"too noisy: its error may be chance; render it with about {more} times the samples"
+        reason = f"too noisy: its mean may be chance; render it with about {more} times the samples"
         return SceneResult(name, about, UNJUDGED, reason, files, results)
     return SceneResult(name, about, PASSES, _remark(results), files, results)
 
@@ -158,7 +160,7 @@ def _remark(results: tuple[RegionResult, ...]) -> str:
 
 def _cause(images: Images, scene: dict[str, Any], encoded: bool) -> str:
     found = cause_of(images, scene["regions"], scene["causes"], encoded)
-    suspect = scene["suspect"]
+    suspect = scene["suspect"] or (ENDS if scene["max_depth"] >= DEEP else "")
     if found.startswith("perhaps"):
         return f"{found}; or look at: {suspect}" if suspect else found
     return found or (f"{UNKNOWN}; look at: {suspect}" if suspect else UNKNOWN)
@@ -192,7 +194,8 @@ def _judge_region(region: Region, measured: Measured) -> RegionResult:
     certain = outside & (np.abs(error) > SIGMAS * noise)
     if certain.any():  # the worst of the channels that fail, not one that is noisier
         k = int(np.argmax(np.where(certain, np.abs(error) / tolerance, 0)))
-    verdict = FAILS if certain.any() else UNJUDGED if outside.any() else PASSES
+    unclear = outside.any() or (noise > tolerance).any()  # a mean that is right by chance is no pass
+    verdict = FAILS if certain.any() else UNJUDGED if unclear else PASSES
     beyond = float(np.sign(error[k])) * max(abs(float(error[k])) - ACCURACY, 0.0)
     z = beyond / float(noise[k]) if measured.known and noise[k] > 0 else None
     numbers = tuple(map(float, right)), tuple(map(float, measured.mean))
