@@ -110,6 +110,8 @@ def test_the_documents_derive_every_scene():
         ("film-pinhole", lambda rgb: rgb * np.float32(1.3), "same factor of 1.3"),
         ("point-light", lambda rgb: rgb * np.float32(1.37), "no known cause"),
         ("conductor-75", lambda rgb: rgb * np.float32(1.01), "no known cause"),
+        ("corridor", lambda rgb: rgb**2, "look at: Russian roulette"),
+        ("furnace-room-3", lambda rgb: rgb * np.float32(0.87), "or look at: weights of multiple"),
     ],
 )  # fmt: skip
 def test_changed_images_fail_with_their_cause(folder, tmp_path, name, change, cause):
@@ -122,8 +124,19 @@ def test_a_factor_that_scenes_share_is_named(folder, tmp_path):
     names = ("point-light", "furnace-room-1", "large-lamp", "rough-metal")
     found = judged(folder, tmp_path, {f"{name}.npz": np.float32(1.03) * painted(CASES[name]) for name in names})
     assert {found[name].reason for name in names} == {
-        "off by a factor of 1.030, as 3 other scenes: units or exposure of lights"
+        "off by a factor of 1.030, as 3 other scenes: units or exposure of lights, or energy lost at surfaces"
     }
+
+
+def test_a_factor_of_most_scenes_outweighs_a_cause_that_fits_by_chance(folder, tmp_path):
+    images = {f"{name}.npz": np.float32(0.98) * painted(case) for name, case in CASES.items()}
+    found = judged(folder, tmp_path, images)
+    assert "off by a factor of 0.980" in found["spot-in-beam"].reason  # not "the spot's own cosine counts"
+
+
+def test_one_region_of_two_is_no_common_factor(folder, tmp_path):
+    image = painted(CASES["shadow"], [(0.69, 0.69, 0.69), (0.2, 0.2, 0.2)])
+    assert judged(folder, tmp_path, {"shadow.npz": image})["shadow"].reason == "no known cause fits"
 
 
 def test_what_cannot_be_judged(folder, tmp_path):
@@ -173,6 +186,55 @@ def test_seeds_and_variances_give_a_z_test(folder, tmp_path):
     assert abs(found["furnace-body"].worst.z) < 4
 
 
+def test_a_small_error_of_an_even_image_is_no_flip(folder, tmp_path):
+    image = painted(CASES["furnace-room-3"]) * np.random.default_rng(4).uniform(0.962, 1.0, (32, 32, 1))  # over codes
+    scene = judged(folder, tmp_path, {"furnace-room-3.png": image})["furnace-room-3"]
+    assert scene.verdict == FAILS
+    assert scene.reason.startswith("no known cause")
+
+
+def test_an_encoding_is_no_cause_where_another_scene_passes(folder, tmp_path):
+    wrong = srgb_encode(painted(CASES["conductor-75"])).astype(np.float32)
+    images = {"conductor-75.npz": wrong, "point-light.npz": painted(CASES["point-light"])}
+    assert judged(folder, tmp_path, images)["conductor-75"].reason == "no known cause fits"
+
+
+def test_noise_does_not_hide_the_cause(folder, tmp_path):
+    """Fireflies of a divergent renderer are of no encoding."""
+    rgb = painted(CASES["furnace-sphere"])
+    rgb[::2, ::2] *= 1e6
+    save(tmp_path / "furnace-sphere.npz", rgb, var=np.full_like(rgb, 1e10))
+    scene = {scene.name: scene for scene in judge(folder, tmp_path).scenes}["furnace-sphere"]
+    assert (scene.verdict, "no known cause" in scene.reason) == (FAILS, True)
+
+
+def test_a_noisy_channel_does_not_hide_another(folder, tmp_path):
+    rgb = painted(CASES["furnace-sphere"]) * np.float32([1.05, 1.03, 1.0])
+    var = np.broadcast_to(np.float32([1, 1e-6, 1e-6]), rgb.shape)
+    save(tmp_path / "furnace-sphere.npz", rgb, var=var)
+    scene = {scene.name: scene for scene in judge(folder, tmp_path).scenes}["furnace-sphere"]
+    assert scene.verdict == FAILS
+    assert scene.worst.error == pytest.approx(0.03, abs=1e-3)
+
+
+def test_a_mean_that_is_right_by_chance_is_no_pass(folder, tmp_path):
+    rgb = painted(CASES["furnace-sphere"])
+    save(tmp_path / "furnace-sphere.npz", rgb, var=np.full_like(rgb, 0.3))  # a standard error of 3.4 %
+    scene = {scene.name: scene for scene in judge(folder, tmp_path).scenes}["furnace-sphere"]
+    assert (scene.verdict, "too noisy" in scene.reason) == (UNJUDGED, True)
+
+
+def test_copies_are_no_seeds_and_negative_variances_are_none(folder, tmp_path):
+    rgb = painted(CASES["furnace-sphere"]) * np.random.default_rng(3).uniform(0, 2.1, (32, 32, 1)).astype(np.float32)
+    for k in (1, 2):
+        save(tmp_path / f"furnace-sphere-{k}.npz", rgb)
+    save(tmp_path / "furnace-body.npz", 0.6 * rgb, var=np.full_like(rgb, -1))
+    found = {scene.name: scene for scene in judge(folder, tmp_path).scenes}
+    for name in ("furnace-sphere", "furnace-body"):
+        assert found[name].worst.noise > 0.01
+        assert found[name].worst.z is None
+
+
 @pytest.mark.engine
 def test_our_own_images_pass(folder, tmp_path):
     for name in RENDERED:
@@ -207,7 +269,7 @@ def test_a_bug_in_the_renderer_fails_with_its_cause(folder, tmp_path, monkeypatc
 def test_the_command_judges_and_writes_a_page(folder, tmp_path, capsys):
     save(tmp_path / "point-light.npz", painted(CASES["point-light"]))
     assert main(["conformance", str(folder), "--images", str(tmp_path)]) == 0
-    assert "1 pass, 0 fail, 0 cannot be judged, 50 not rendered" in capsys.readouterr().out
+    assert "1 pass, 0 fail, 0 cannot be judged, 51 not rendered" in capsys.readouterr().out
     save(tmp_path / "furnace-sphere.npz", np.pi * painted(CASES["furnace-sphere"]))
     assert main(["conformance", str(folder), "--images", str(tmp_path), "-o", str(tmp_path / "report")]) == 5
     content = json.loads((tmp_path / "report" / "conformance.json").read_text())
@@ -216,6 +278,8 @@ def test_the_command_judges_and_writes_a_page(folder, tmp_path, capsys):
     assert (scene["name"], scene["regions"][0]["expected"]) == ("furnace-sphere", [0.5, 0.5, 0.5])
     page = (tmp_path / "report" / "conformance.html").read_text()
     assert "1 / pi is missing" in page
+    assert 'name="viewport"' in page  # narrow screens: one column
+    assert "@media (max-width: 700px)" in page
     assert page.index("furnace-sphere") < page.index("point-light")
     (tmp_path / "none").mkdir()
     assert main(["conformance", str(folder), "--images", str(tmp_path / "none")]) == 5

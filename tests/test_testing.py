@@ -234,3 +234,12 @@ def test_the_examples_of_the_documents_work():
 def test_mistakes_are_named(call, text):
     with pytest.raises(OptionError, match=text):
         call()
+
+
+def test_what_is_wrong_with_a_density_or_a_scattering_function_is_named():
+    up = np.array([0.0, 0.0, 1.0])
+    for value in (np.nan, -1.0):
+        with pytest.raises(rt.OptionError, match=f"got {value:g} at"):
+            rt.testing.chi_square(lambda u: np.tile(up, (len(u), 1)), lambda d, value=value: np.full(len(d), value))
+    with pytest.raises(rt.OptionError, match="eval, pdf and sample; no eval"):
+        rt.testing.furnace("diffuse")

@@ -8,7 +8,7 @@ TOLERANCE = 0.01  # relative: five standard errors of a path tracer, and what te
 EXACT = 0.005  # where every sample has nearly the same value
 DEEP = 48  # surfaces: all light but a part in 10^6
 
-WEIGHTS = "weights of multiple importance sampling, and densities of lamps and directions"
+WEIGHTS = "weights of multiple importance sampling, densities of lamps and directions, the cosine at the surface"
 
 Colour = tuple[float, float, float]
 

@@ -28,11 +28,13 @@ FACTORS = (
     (0.25, "a factor of 1/4"),
 )
 Change = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-CHANGES: tuple[tuple[str, Change], ...] = (  # what undoes the mistake
+MOVES: tuple[tuple[str, Change], ...] = (  # what undoes the mistake
     ("the image is mirrored left to right", lambda rgb: rgb[:, :, ::-1]),
     ("the image is upside down", lambda rgb: rgb[:, ::-1]),
     ("the image is turned by 180 degrees", lambda rgb: rgb[:, ::-1, ::-1]),
     ("red and blue are swapped", lambda rgb: rgb[..., ::-1]),
+)
+ENCODINGS: tuple[tuple[str, Change], ...] = (  # these change all scenes
     (
         "linear radiance was written as if it were encoded as sRGB, or decoded twice",
         lambda rgb: np.asarray(srgb_encode(rgb)),
@@ -52,8 +54,11 @@ class Deviation(NamedTuple):
     worst: float
 
 
-def cause_of(images: Images, regions: Sequence[Region], causes: Sequence[Cause]) -> str:
-    """Return the most likely cause of an error; an empty text where no known one fits."""
+def cause_of(images: Images, regions: Sequence[Region], causes: Sequence[Cause], encoded: bool = True) -> str:
+    """Return the most likely cause of an error; an empty text where no known one fits.
+
+    ``encoded`` is whether the images may have another encoding: not where some scene passes.
+    """
     measured = [measure(images, region) for region in regions]
     means = np.array([each.mean for each in measured])
     slack = np.array([4 * each.noise + each.step for each in measured])
@@ -64,17 +69,18 @@ def cause_of(images: Images, regions: Sequence[Region], causes: Sequence[Cause])
     own = min(found, key=lambda each: each.worst, default=None)
     if own is not None and own.worst <= 1:
         return own.text
-    for text, change in CHANGES:
+    now = _worst(means, right, strict, slack)
+    for text, change in MOVES + (ENCODINGS if encoded else ()):
         changed = images._replace(rgb=change(images.rgb), eight_bits=False)
         values = np.array([measure(changed, region).mean for region in regions])
-        if _worst(values, right, strict, slack) <= 1:  # the scene would pass
+        if _worst(values, right, strict, np.minimum(slack, strict * right)) <= 1 < now:  # the scene would pass
             return text
     found = [Deviation(text, _worst(means, factor * right, allowed, slack)) for factor, text in FACTORS]
     best = min(found, key=lambda each: each.worst)
     if best.worst <= 1:
         return best.text
     ratio = np.median(means / right)
-    if len(regions) > 1 and _worst(means, ratio * right, allowed, slack) <= 1:
+    if len(regions) > 1 and abs(ratio - 1) > NEAR and _worst(means, ratio * right, allowed, slack) <= 1:
         return f"everything is off by the same factor of {ratio:.4g}"
     if own is not None and own.worst <= 3:
         return f"perhaps: {own.text}"

@@ -77,9 +77,9 @@ def read_images(paths: Sequence[Path]) -> Images:
 def _variance(loaded: list[LoadedImage], rgb: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Variance of the mean of the images: from their files, or from the differences between seeds."""
     count = len(loaded)
-    if all(image.var is not None and np.isfinite(image.var).all() for image in loaded):
+    if all(image.var is not None and (image.var >= 0).all() and np.isfinite(image.var).all() for image in loaded):
         return np.asarray(sum(np.asarray(image.var, np.float64) for image in loaded) / count**2)
-    if count > 1:
+    if count > 1 and (rgb != rgb[0]).any():  # copies of one image are no seeds
         return np.asarray(rgb.var(axis=0, ddof=1) / count)
     return None
 

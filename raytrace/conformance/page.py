@@ -22,6 +22,12 @@ td, th { padding: .2em .8em .2em 0; text-align: left; vertical-align: top; borde
 .fails { color: #a33a00; font-weight: bold; } .unjudged { color: #7a5c00; font-weight: bold; } .missing { color: #555; }
 img { image-rendering: pixelated; outline: 1px solid #bbb; } small { color: #555; display: block; }
 td table { margin: 0; } td td { border: 0; padding: 0 .8em 0 0; font-size: 14px; } .number { white-space: nowrap; }
+@media (max-width: 700px) {
+ body > table, body > table > tbody, body > table > tbody > tr, body > table > tbody > tr > td { display: block; }
+ body > table > tbody > tr > td { border: 0; } td td { overflow-wrap: normal; }
+ body > table > tbody > tr { border-top: 1px solid #ddd; padding: .4em 0; }
+ body > table > tbody > tr:first-child { display: none; } .number { white-space: normal; }
+}
 """
 
 
@@ -36,15 +42,22 @@ def text(judgement: Judgement) -> str:
     lines = []
     for scene in judgement.scenes:
         worst = scene.worst
-        numbers = "" if worst is None else f"{worst.error:+8.2%} (tolerance {worst.tolerance:.2%}{_z(worst)})"
+        numbers = "" if worst is None else f"{_percent(worst.error):>8} (tolerance {worst.tolerance:.2%}{_z(worst)})"
         lines.append(f"{scene.name:<26}{scene.verdict:<18}{numbers}".rstrip())
         if scene.reason:
             lines.append(f"    {scene.reason}")
     return "\n".join([*lines, summary(judgement)])
 
 
+def _percent(error: float) -> str:
+    """An error in percent; a factor where it is huge."""
+    return f"{error:+.2%}" if abs(error) < 100 else f"x {error + 1:.3g}"
+
+
 def _z(region: RegionResult) -> str:
-    return "" if region.z is None else f", z {region.z:+.1f}"
+    if region.z is None:
+        return ""
+    return f", z {region.z:+.1f}" if abs(region.z) < 1e4 else f", z {region.z:+.1g}"
 
 
 def json_text(judgement: Judgement) -> str:
@@ -62,7 +75,9 @@ def page(judgement: Judgement, images: Path) -> str:
     rows = "".join(_row(scene, images) for scene in _ordered(judgement))
     heads = "".join(f"<th>{head}</th>" for head in ("scene", "image", "verdict", "expected, measured, error"))
     return (
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
+        f'<!doctype html><html lang="en"><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{title}</title><style>{STYLE}</style>"
         f"<h1>{title}</h1><p>{escape(summary(judgement))}</p><table><tr>{heads}</tr>{rows}</table>"
         f"<p><small>raytrace {escape(raytrace.__version__)}. Error and tolerance are relative; z is the error beyond "
         "the accuracy of the answer (0.03 %), in standard errors, where variances or "
@@ -88,7 +103,7 @@ def _row(scene: SceneResult, images: Path) -> str:
 
 def _region(region: RegionResult) -> str:
     cells = [escape(region.name), _colour(region.expected), _colour(region.measured)]
-    cells.append(f"{region.error:+.2%} of {region.tolerance:.2%}{_z(region)}")
+    cells.append(f"{_percent(region.error)} of {region.tolerance:.2%}{_z(region)}")
     marked = CLASSES[region.verdict]
     return "".join(
         [

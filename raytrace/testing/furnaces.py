@@ -110,6 +110,8 @@ def furnace(
     """
     check_numbers(n, seed, level, tests)
     surface = Material(scattering) if isinstance(scattering, dict) else scattering
+    if missing := [name for name in ("eval", "pdf", "sample") if not callable(getattr(surface, name, None))]:
+        raise OptionError(f"scattering: expected a material or an object with eval, pdf and sample; no {missing[0]}")
     angles = np.atleast_1d(np.asarray(degrees, np.float64))
     if angles.ndim != 1 or not ((angles >= 0) & (angles < 90)).all() or not angles.size:
         raise OptionError(f"degrees: expected angles from 0 to below 90, got {degrees!r}")

@@ -107,8 +107,12 @@ def chi_square(
 
     def density(at: F8) -> F8:
         values = np.asarray(pdf(at), np.float64)
-        if values.shape != (len(at),) or not (np.isfinite(values) & (values >= 0)).all():
-            raise OptionError(f"pdf: expected {len(at)} densities, finite and at least 0; got shape {values.shape}")
+        if values.shape != (len(at),):
+            raise OptionError(f"pdf: expected {len(at)} densities, got shape {values.shape}")
+        wrong = ~(np.isfinite(values) & (values >= 0))
+        if wrong.any():
+            k = int(np.argmax(wrong))
+            raise OptionError(f"pdf: expected finite densities of at least 0, got {values[k]:g} at {at[k].tolist()}")
         return values
 
     expected = [expected_counts(density, chart, bins, len(directions), finest) for chart in whole]

@@ -38,7 +38,10 @@ def _rooms() -> Iterator[Case]:
         if depth == DEEP:
             wrong += [(LOSSY.format(first), lossy_furnace(albedo, emission, first)) for first in range(2, 8)]
             wrong += [
-                (f"paths end after {d} surfaces, whatever max_depth is", furnace(albedo, emission, d))
+                (
+                    f"paths end after {d} surfaces, whatever max_depth is, or Russian roulette loses light",
+                    furnace(albedo, emission, d),
+                )
                 for d in (1, 2, 4, 8)
             ]
         else:

@@ -31,6 +31,7 @@ def cases() -> Iterator[Case]:
         yield _back(degrees)
     yield _cut()
     yield from _inside()
+    yield _total()
 
 
 def _camera(degrees: float) -> dict[str, object]:
@@ -117,7 +118,7 @@ def _inside() -> Iterator[Case]:
         wrong = [
             ("the eta^2 of radiance is missing", right / IOR**2),
             ("the eta^2 of radiance is the wrong way round", right / IOR**4),
-            ("glass reflects nothing: Fresnel's reflectance is missing", 0.2 * IOR**2 * 1.0),
+            ("glass reflects nothing: Fresnel's reflectance is missing, or max_depth is one too large", 0.2 * IOR**2),
         ]
         yield Case(
             f"inside-slab-{depth}",
@@ -127,3 +128,25 @@ def _inside() -> Iterator[Case]:
             causes(*told_apart(right, *wrong)),
             "inside",
         )
+
+
+def _total() -> Case:
+    """Inside of a plate, beyond the critical angle: the surface is a mirror, in which a lamp in the glass is seen."""
+    angle, sky, shown = math.radians(60), 0.1, 0.5
+    across = math.tan(angle)  # per unit of height
+    camera = orthographic([0, 0, -0.5], [0.5 * across, 0, 0], 0.01)
+    lamp = {"rectangle": {}, "scale": 0.3, "translate": [1.3 * across, 0, -0.8]}
+    return Case(
+        "total-reflection",
+        "A lamp in a plate of glass, seen from inside in its upper surface, at 60 degrees.",
+        scene(camera, [(PLATE, GLASS), (lamp, diffuse(0.0, shown))], [environment(sky)], depth=1),
+        everywhere(shown),
+        causes(
+            ("total reflection is missing: no light is reflected", 0.001),
+            ("total reflection is missing: light leaves the glass", sky * IOR**2),
+            ("total reflection is missing, and the eta^2 of radiance", sky),
+            ("the eta^2 of radiance is applied where light is reflected", shown * IOR**2),
+        ),
+        "inside",
+        suspect="total reflection",
+    )

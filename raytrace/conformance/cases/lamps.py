@@ -139,6 +139,7 @@ def _sides() -> Iterator[Case]:
             ("a surface that emits does not reflect", 0.4),
             ("emission that is seen directly does not count, or the lamp shines on its back only", 0.3),
             ("emission counts twice where it is seen directly", 1.1),
+            (PI, 0.4 + 0.3 * math.pi),
         ),
         "sides",
     )

@@ -121,13 +121,19 @@ def _shadow() -> Case:
         Region("shadow", (17, 2, 30, 30), grey(0.2), EXACT),
     )
     objects = [(floor(0.05), diffuse(ALBEDO, 0.2)), (blocker, diffuse(0.0))]
+    other = {
+        "the light of a point falls off with 1 / r instead of 1 / r^2": 2.0,
+        "the light of a point does not fall off": 4.0,
+        "the diffuse scattering function lacks 1 / pi": math.pi,
+    }
     return Case(
         "shadow",
         "The edge of the shadow of a black sheet under a point light, on a plane that emits 0.2.",
         scene(camera, objects, [lamp], depth=1),
         regions,
         (Cause("shadow rays find nothing: no shadow", (grey(0.7), grey(0.7))),
-         Cause("surfaces shadow themselves: all is shadow", (grey(0.2), grey(0.2)))),
+         Cause("surfaces shadow themselves: all is shadow", (grey(0.2), grey(0.2))),
+         *(Cause(text, (grey(0.2 + 0.5 * factor), grey(0.2))) for text, factor in other.items())),
         "lights",
     )  # fmt: skip
 
@@ -138,6 +144,7 @@ def _all() -> Case:
     sun = {"type": "directional", "direction": [0, 0, -1], "irradiance": [0.05 * math.pi / ALBEDO] * 3}
     parts = {"point light": 0.35, "directional light": 0.05, "environment": 0.1}
     wrong = [(f"the {name} is missing where there are others", 0.5 - part) for name, part in parts.items()]
+    wrong += [("the light of a point falls off with 1 / r instead of 1 / r^2", 0.5 + parts["point light"])]
     wrong += [("each light has the same weight: its probability is not divided by", 0.5 / 3)]
     return Case(
         "lights-add-up",

@@ -92,6 +92,13 @@ def _lamp_below() -> Iterator[Case]:
             causes(
                 *told_apart(right, ("max_depth is one too small", less), ("max_depth is one too large", more)),
                 ("light that a mirror brings to a diffuse surface is lost: no caustics", 0.3),
+                *told_apart(
+                    right,
+                    (
+                        "the diffuse scattering function lacks 1 / pi",
+                        0.3 * sum((0.4 * math.pi) ** k for k in range(terms)),
+                    ),
+                ),
             ),
             "corridor",
         )
