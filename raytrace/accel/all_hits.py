@@ -41,7 +41,10 @@ from raytrace.accel.lanes import (
 from raytrace.accel.layout import LEAF_SIZE, PRIM_ID
 from raytrace.accel.octants import Axes, RayPacket, axes_of, make_ray_frame, octants_of, same_octant_and_axis
 from raytrace.accel.packet import Reach, enter_packet, few, one_triangle
-from raytrace.accel.query import collect, packet_bounds, packets_from, trace_collected, write
+from raytrace.accel.pool import SCATTERED, spread, suits_pool, trace_pool, triangles_of_ray
+from raytrace.accel.pool_scratch import NEXT, PLACE, frame_of_ray, read_number, read_state
+from raytrace.accel.query import collect, packet_bounds, packets_from, trace_collected
+from raytrace.accel.results import write
 from raytrace.accel.scratch import (
     ROWS,
     TMAX,
@@ -172,7 +175,31 @@ def all_of_packet(tree: Tree, r: int, meet, work: HitWork, like):
 
 
 @inlined
-def trace_all(tree: Tree, rays: Rays, counts, n: int, meet, in_packet, work: HitWork):
+def all_in_leaf(tree: Tree, f: int, top: int, meet, work: HitWork) -> int:
+    """Find all hits of ray f of a pool in a leaf; return the height of its stack."""
+    at, place = ~read_state(work, f, NEXT) * LEAF_SIZE, read_state(work, f, PLACE)
+    interval = Interval(read_number(work, f, USER_TMIN), read_number(work, f, USER_TMAX))
+    triangles, reach = triangles_of_ray(tree, f, at, work), read_number(work, f, REACH)
+    crossing, undecided = meet(tree, frame_of_ray(work, f), triangles, reach, work)
+    keep_of_ray(bits(within(crossing, interval)), crossing, tree.leaves.prim_id, at + PRIM_ID, place, work)
+    note_ray(bits(undecided), tree.leaves.prim_id, at + PRIM_ID, place, work)
+    return top
+
+
+@inlined
+def hits_in_leaf(tree: Tree, f: int, top: int, work: HitWork) -> int:
+    """The same for hits."""
+    return all_in_leaf(tree, f, top, meet_watertight, work)
+
+
+@inlined
+def crossings_in_leaf(tree: Tree, f: int, top: int, work: HitWork) -> int:
+    """The same for crossings."""
+    return all_in_leaf(tree, f, top, meet_crossing, work)
+
+
+@inlined
+def trace_all(tree: Tree, rays: Rays, counts, n: int, meet, in_packet, in_leaf, work: HitWork):
     """Find all hits of n rays; write how many each has."""
     like, width = packet(tree.nodes.bounds), packet_width(tree.nodes.bounds)
     work.state[USED] = work.state[PAIRS] = 0
@@ -182,8 +209,11 @@ def trace_all(tree: Tree, rays: Rays, counts, n: int, meet, in_packet, work: Hit
         write_user_rows(tree, rays, i, n, packets, work)
         work.state[FIRST] = i
         if not trace_collected(tree, axis, packets, in_packet, work):
-            for r in range(packets):
-                all_of_packet(tree, r, meet, work, like)
+            if suits_pool(tree, work) and spread(packets, work) > SCATTERED:
+                trace_pool(tree, packets, in_leaf, work)
+            else:
+                for r in range(packets):
+                    all_of_packet(tree, r, meet, work, like)
         for r in range(packets):
             write(counts, i + r * width, n, read_prim_id(work, r, like))
 
@@ -191,10 +221,10 @@ def trace_all(tree: Tree, rays: Rays, counts, n: int, meet, in_packet, work: Hit
 @kernel
 def all_hits(tree: Tree, rays: Rays, counts, n: int, work: HitWork):
     """Find all hits of n rays."""
-    trace_all(tree, rays, counts, n, meet_watertight, all_in_packet, work)
+    trace_all(tree, rays, counts, n, meet_watertight, all_in_packet, hits_in_leaf, work)
 
 
 @kernel
 def all_crossings(tree: Tree, rays: Rays, counts, n: int, work: HitWork):
     """Find all crossings of n rays and a closed surface."""
-    trace_all(tree, rays, counts, n, meet_crossing, crossings_in_packet, work)
+    trace_all(tree, rays, counts, n, meet_crossing, crossings_in_packet, crossings_in_leaf, work)

@@ -139,7 +139,7 @@ class HitTracer:
         """
         bvh, n = self._bvh, end - begin
         given = rays_of(self._fields, begin, end, self.dtype)
-        numbers, rays = lines_in_order(given, n, bvh.grid, bvh.tree.extent, scratch.sort)
+        numbers, rays = lines_in_order(bvh.tree, bvh.grid, given, n, scratch.sort)
         scratch.numbers = scratch.identity if numbers is None else numbers
         scratch.enlarge(room(int(n * self._hits), False), int(n * self._pairs))
         while True:

@@ -10,7 +10,6 @@ from raytrace.accel.expansions import TERMS, VECTOR
 from raytrace.accel.lanes import (
     PACKET,
     absolute,
-    compress,
     count,
     first_bit,
     lane_numbers,
@@ -23,9 +22,11 @@ from raytrace.accel.lanes import (
     poke,
     select,
     splat_int,
+    store_packed,
 )
 from raytrace.accel.scratch import (
     HIT_U,
+    HIT_V,
     TMIN,
     read_bundle_rays,
     read_prim_id,
@@ -36,8 +37,8 @@ from raytrace.jit import inlined
 from raytrace.records import Rays, Tree
 from raytrace.work_records import Work
 
-# Rows of the slots of a bundle, which need neither slabs nor u and v
-USER_TMIN, USER_TMAX = 7, 8  # as given; for rays that cannot hit, inf and -inf
+# Rows of the slots of a bundle, which need neither u nor v
+USER_TMIN, USER_TMAX = HIT_V, HIT_V + 1  # as given; for rays that cannot hit, inf and -inf
 REACH = HIT_U  # bound on the distances from the origin to all vertices along the axes; inf: products could overflow
 
 USED, FIRST, PAIRS, ON_SURFACE = range(4)  # places in ``state``: hits and pairs found, also those for which there
@@ -47,7 +48,7 @@ SLACK = 512.0  # machine epsilons of ``REACH``: more than the rounding error of 
 
 
 class HitWork(NamedTuple):
-    """Scratch memory of one thread. The first six fields are those of ``Work``; ``prim_id`` holds the rays' counts."""
+    """Scratch memory of one thread. The first ten fields are those of ``Work``; ``prim_id`` holds the rays' counts."""
 
     t: NDArray[np.floating]
     child: NDArray[np.int32]
@@ -55,6 +56,10 @@ class HitWork(NamedTuple):
     lanes: NDArray[np.floating]
     prim_id: NDArray[np.int32]
     counts: NDArray[np.int64]
+    pool_t: NDArray[np.floating]
+    pool_child: NDArray[np.signedinteger]
+    pool_state: NDArray[np.int32]
+    pool_queue: NDArray[np.int32]
     hit_t: NDArray[np.floating]  # (k,) f: of the hits found so far, in any order
     hit_u: NDArray[np.floating]
     hit_v: NDArray[np.floating]
@@ -121,11 +126,11 @@ def keep_of_packet(found, crossing, number: int, r: int, work: HitWork):
     work.state[USED] = used + more
     if used + more + PACKET <= len(work.hit_t):
         first = np.int32(work.state[FIRST] + r * packet_width(work.lanes))
-        compress(work.hit_t, used, found, t)
-        compress(work.hit_u, used, found, u)
-        compress(work.hit_v, used, found, v)
-        compress(work.hit_prim, used, found, splat_int(np.int32(number), like))
-        compress(work.hit_ray, used, found, lane_numbers(like) + first)
+        store_packed(work.hit_t, used, found, t)
+        store_packed(work.hit_u, used, found, u)
+        store_packed(work.hit_v, used, found, v)
+        store_packed(work.hit_prim, used, found, splat_int(np.int32(number), like))
+        store_packed(work.hit_ray, used, found, lane_numbers(like) + first)
 
 
 @inlined
@@ -167,8 +172,8 @@ def note_packet(undecided, number: int, r: int, work: HitWork):
     work.state[PAIRS] = used + more
     if used + more + PACKET <= len(work.pair_ray):
         rays = lane_numbers(packet(work.lanes)) + np.int32(work.state[FIRST] + r * packet_width(work.lanes))
-        compress(work.pair_ray, used, undecided, rays)
-        compress(work.pair_prim, used, undecided, splat_int(np.int32(number), packet(work.lanes)))
+        store_packed(work.pair_ray, used, undecided, rays)
+        store_packed(work.pair_prim, used, undecided, splat_int(np.int32(number), packet(work.lanes)))
 
 
 @inlined

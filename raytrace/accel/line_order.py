@@ -21,9 +21,9 @@ from raytrace.accel.lanes import (
     store,
     to_int,
 )
-from raytrace.accel.reorder import DIGIT, DIRECTION_BITS, SAMPLE, Grid, SortScratch, changes, sort_by_digit, sorted_rays
+from raytrace.accel.reorder import DIGIT, DIRECTION_BITS, Grid, SortScratch, sort_by_digit, sorted_rays, worth_sorting
 from raytrace.jit import inlined, kernel
-from raytrace.records import Rays
+from raytrace.records import Rays, Tree
 
 CELLS = 64  # along each coordinate
 CODE = 24  # bits of the code of four coordinates
@@ -92,9 +92,9 @@ def sort_lines(rays: Rays, n: int, extent, scratch: SortScratch):
 
 
 def lines_in_order(
-    rays: Rays, n: int, grid: Grid, extent: NDArray[np.floating], scratch: SortScratch
+    tree: Tree, grid: Grid, rays: Rays, n: int, scratch: SortScratch
 ) -> tuple[NDArray[np.int32] | None, Rays]:
-    """Return n rays in an order that is fast to trace, and the number that each had; None: they are in order."""
-    if n < SAMPLE or 2 * changes(rays, n, grid, scratch)[0] <= SAMPLE:
+    """Return n rays in an order that is fast to trace, and the number that each had; None: as they are."""
+    if not worth_sorting(tree, grid, rays, n, scratch):
         return None, rays
-    return sorted_rays(rays, n, scratch.numbers[sort_lines(rays, n, extent, scratch)], scratch)
+    return sorted_rays(rays, n, scratch.numbers[sort_lines(rays, n, tree.extent, scratch)], scratch)

@@ -49,6 +49,7 @@ from raytrace.accel.pool_scratch import (
     read_number,
     read_state,
     slabs_of_ray,
+    write_number,
     write_state,
 )
 from raytrace.accel.scratch import (
@@ -56,17 +57,15 @@ from raytrace.accel.scratch import (
     HIT_T,
     HIT_U,
     HIT_V,
-    OCCLUDED,
     ROWS,
     SLABS,
     TMIN,
     read_bundle_rays,
-    write_prim_id,
     write_rows,
 )  # fmt: skip
 from raytrace.accel.single import eight_triangles, planes_of_node
 from raytrace.accel.stack import NOTHING, ROOT
-from raytrace.accel.triangle import intersect
+from raytrace.accel.triangle import Triangle, intersect
 from raytrace.jit import inlined
 from raytrace.records import Tree
 from raytrace.work_records import Work
@@ -134,7 +133,7 @@ def enter_pool(tree: Tree, r: int, work: Work) -> int:
         either(d[0] < 0.0, 24, 0, like), either(d[1] < 0.0, 32, 8, like), either(d[2] < 0.0, 40, 16, like),
         select(on_x, np.int32(8), either(on_y, 16, 0, like)), select(on_x, np.int32(16), either(on_y, 0, 8, like)),
         select(on_x, np.int32(0), either(on_y, 8, 16, like)), splat_int(ROOT, like), bottom, bottom,
-        splat_int(-1, like),
+        splat_int(-1, like), lane_numbers(like) + np.int32(width * (r + 1)),
     ):  # fmt: skip
         store(work.pool_state, at, x)
         at += width
@@ -142,14 +141,15 @@ def enter_pool(tree: Tree, r: int, work: Work) -> int:
 
 
 @inlined
-def leave_pool(r: int, closest: bool, work: Work):
-    """Write what the rays of packet r have hit to where the results of a bundle are."""
-    like = packet(work.lanes)
-    found = load(work.pool_state, ((r + 1) * ROWS + FOUND) * packet_width(work.lanes), like)
-    if closest:
-        write_prim_id(work, r, found)
-    else:
-        write_rows(work, r, OCCLUDED, (select(found >= 0, splat(1.0, like), 0.0),))
+def found_in_pool(r: int, work: Work):
+    """Numbers of the triangles that the rays of packet r have hit, or -1; 1 in any-hit queries."""
+    return load(work.pool_state, ((r + 1) * ROWS + FOUND) * packet_width(work.lanes), packet(work.lanes))
+
+
+@inlined
+def triangles_of_ray(tree: Tree, f: int, at: int, work: Work) -> Triangle:
+    """The eight triangles of a leaf, in the axes of ray f."""
+    return eight_triangles(tree.leaves.rows, at, axes_of_ray(work, f))
 
 
 @inlined
@@ -193,37 +193,51 @@ def cull(work: Work, bottom: int, top: int, tmax) -> int:
 
 
 @inlined
-def step_through_leaf(tree: Tree, f: int, closest: bool, nodes: int, leaves: int, work: Work):
+def closest_in_leaf(tree: Tree, f: int, top: int, work: Work) -> int:
+    """Find the nearest hit of ray f in a leaf; return the height of its stack without what lies beyond."""
+    at, t = ~read_state(work, f, NEXT) * LEAF_SIZE, read_number(work, f, HIT_T)
+    inside, t_new, u_new, v_new = intersect(tree.leaves, frame_of_ray(work, f), triangles_of_ray(tree, f, at, work))
+    left = bits(inside & (t_new > read_number(work, f, TMIN)) & (t_new <= t))
+    if left == 0:
+        return top
+    prim, u, v = np.int32(read_state(work, f, FOUND)), read_number(work, f, HIT_U), read_number(work, f, HIT_V)
+    while left != 0:
+        k = first_bit(left)
+        left &= left - 1
+        number = np.int32(peek(tree.leaves.prim_id, at + PRIM_ID + k))
+        if t_new[k] < t or (t_new[k] == t and number < prim):
+            t, u, v, prim = t_new[k], u_new[k], v_new[k], number
+    write_number(work, f, HIT_T, t)
+    write_number(work, f, HIT_U, u)
+    write_number(work, f, HIT_V, v)
+    write_state(work, f, FOUND, prim)
+    return cull(work, read_state(work, f, BOTTOM), top, t)
+
+
+@inlined
+def any_in_leaf(tree: Tree, f: int, top: int, work: Work) -> int:
+    """Note whether ray f hits anything in a leaf; return the height of its stack, or -1 if it does."""
+    at = ~read_state(work, f, NEXT) * LEAF_SIZE
+    inside, t, _, _ = intersect(tree.leaves, frame_of_ray(work, f), triangles_of_ray(tree, f, at, work))
+    if bits(inside & (t > read_number(work, f, TMIN)) & (t < read_number(work, f, HIT_T))) == 0:
+        return top
+    write_state(work, f, FOUND, 1)
+    return -1
+
+
+@inlined
+def step_through_leaf(tree: Tree, f: int, visit, nodes: int, leaves: int, work: Work):
     """Take ray f through a leaf, and on to what is on its stack."""
-    at, top, t = ~read_state(work, f, NEXT) * LEAF_SIZE, read_state(work, f, TOP), read_number(work, f, HIT_T)
-    triangles = eight_triangles(tree.leaves.rows, at, axes_of_ray(work, f))
-    inside, t_new, u_new, v_new = intersect(tree.leaves, frame_of_ray(work, f), triangles)
-    inside = inside & (t_new > read_number(work, f, TMIN))
     work.counts[1] += NODE
-    if closest:
-        left = bits(inside & (t_new <= t))
-        if left != 0:
-            prim, u, v = np.int32(read_state(work, f, FOUND)), read_number(work, f, HIT_U), read_number(work, f, HIT_V)
-            while left != 0:
-                k = first_bit(left)
-                left &= left - 1
-                number = np.int32(peek(tree.leaves.prim_id, at + PRIM_ID + k))
-                if t_new[k] < t or (t_new[k] == t and number < prim):
-                    t, u, v, prim = t_new[k], u_new[k], v_new[k], number
-            poke(work.lanes, f + packet_width(work.lanes) * HIT_T, t)
-            poke(work.lanes, f + packet_width(work.lanes) * HIT_U, u)
-            poke(work.lanes, f + packet_width(work.lanes) * HIT_V, v)
-            write_state(work, f, FOUND, prim)
-            top = cull(work, read_state(work, f, BOTTOM), top, t)
-    elif bits(inside & (t_new < t)) != 0:
-        write_state(work, f, FOUND, 1)
+    top = visit(tree, f, read_state(work, f, TOP), work)
+    if top < 0:
         return nodes, leaves
     return enqueue(work, f, np.int64(peek(work.pool_child, top - 1)), top - 1, nodes, leaves)
 
 
 @inlined
-def trace_pool(tree: Tree, packets: int, closest: bool, work: Work):
-    """Trace the rays of a bundle, for their nearest hits or for any; write the results to scratch memory."""
+def trace_pool(tree: Tree, packets: int, visit, work: Work):
+    """Trace the rays of a bundle; ``visit`` tests one against the triangles of a leaf."""
     nodes, leaves = 0, 0
     for r in range(packets):
         alive = enter_pool(tree, r, work)
@@ -244,6 +258,4 @@ def trace_pool(tree: Tree, packets: int, closest: bool, work: Work):
         turns, leaves = leaves, 0
         for j in range(turns):
             f = np.int64(peek(work.pool_queue, QUEUE + j))
-            nodes, leaves = step_through_leaf(tree, f, closest, nodes, leaves, work)
-    for r in range(packets):
-        leave_pool(r, closest, work)
+            nodes, leaves = step_through_leaf(tree, f, visit, nodes, leaves, work)

@@ -19,6 +19,7 @@ from raytrace.work_records import Work
 # Rows of ``Work.pool_state``. A slot has as many rows as one of ``Work.lanes``, so that a ray has one place in both.
 AXES = 0  # 6 rows, the fields of Axes
 NEXT, TOP, BOTTOM, FOUND = 6, 7, 8, 9  # node or leaf to visit; height of the stack; its least height; triangle hit
+PLACE = 10  # of the ray in ``Work.prim_id``
 
 RAYS = BUNDLE * PACKET  # most rays of a pool
 QUEUE = RAYS + 1  # elements of a queue: one more than there are rays, because every ray is written to both
@@ -43,6 +44,12 @@ def without_pool(work: Work) -> Work:
 def read_number(work: Work, f: int, row: int):
     """One number of ray f."""
     return peek(work.lanes, f + packet_width(work.lanes) * row)
+
+
+@inlined
+def write_number(work: Work, f: int, row: int, x):
+    """Write one number of ray f."""
+    poke(work.lanes, f + packet_width(work.lanes) * row, x)
 
 
 @inlined

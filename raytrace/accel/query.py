@@ -30,8 +30,8 @@ from raytrace.accel.lanes import (
 from raytrace.accel.layout import NODE_SIZE
 from raytrace.accel.octants import Axes, RayPacket, axes_of, make_ray_frame, octants_of, same_octant_and_axis
 from raytrace.accel.packet import any_packet, closest_packet
-from raytrace.accel.pool import SCATTERED, spread, suits_pool, trace_pool
-from raytrace.accel.results import write, write_hits, write_occluded  # noqa: F401  (write: for other queries)
+from raytrace.accel.pool import SCATTERED, any_in_leaf, closest_in_leaf, found_in_pool, spread, suits_pool, trace_pool
+from raytrace.accel.results import write_hits, write_occluded
 from raytrace.accel.scratch import (
     FRAME,
     HIT_T,
@@ -195,7 +195,9 @@ def closest_hit(tree: Tree, rays: Rays, hits: Hits, n, work: Work):
         count = packets_from(i, n, work)
         if not trace_together(tree, rays, i, n, closest_in_packet, work):
             if suits_pool(tree, work) and spread(count, work) > SCATTERED:
-                trace_pool(tree, count, True, work)
+                trace_pool(tree, count, closest_in_leaf, work)
+                for r in range(count):
+                    write_prim_id(work, r, found_in_pool(r, work))
             else:
                 for r in range(count):
                     closest_of_packet(tree, r, work, like)
@@ -211,7 +213,9 @@ def any_hit(tree: Tree, rays: Rays, occluded, n, work: Work):
         count = packets_from(i, n, work)
         if not trace_together(tree, rays, i, n, any_in_packet, work):
             if suits_pool(tree, work) and spread(count, work) > SCATTERED:
-                trace_pool(tree, count, False, work)
+                trace_pool(tree, count, any_in_leaf, work)
+                for r in range(count):
+                    write_rows(work, r, OCCLUDED, (select(found_in_pool(r, work) >= 0, splat(1.0, like), 0.0),))
             else:
                 for r in range(count):
                     hit = mask_of(any_of_packet(tree, r, work, like), like)

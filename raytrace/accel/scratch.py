@@ -24,7 +24,7 @@ SCALE = FRAME + 8  # the power of two that the direction was divided by
 TMIN = 21
 HIT_T, HIT_U, HIT_V = 22, 23, 24  # t of the nearest hit so far (tmax before the first one); then its u, v
 TMAX, OCCLUDED = HIT_T, HIT_U  # in any-hit queries: tmax, -inf once anything is hit; then 1 if it is, else 0
-ROWS = 25
+ROWS = 26  # the last one is used by queries for all hits
 
 
 class BundleRays(NamedTuple):
