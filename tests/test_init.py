@@ -97,7 +97,7 @@ def test_functions_take_what_scripts_pass_them():
     assert [name for name, _ in parameters(rt.refract)] == ["d", "n", "eta"]
     assert [name for name, _ in parameters(rt.reflect)] == ["d", "n"]
     assert [name for name, _ in parameters(rt.spawn_ray)] == ["p", "p_error", "ng", "d"]
-    assert [name for name, _ in parameters(rt.compare)] == ["image", "reference"]
+    assert [name for name, _ in parameters(rt.compare)] == ["image", "reference", "flip"]
     assert rt.Hits._fields == ("t", "prim_id", "u", "v")
     assert rt.Surface._fields == ("p", "p_error", "ng")
 

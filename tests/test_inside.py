@@ -49,7 +49,7 @@ def test_points_that_are_not_finite_are_outside():
     assert bvh.contains(points).tolist() == [False, False, False, True, False, True]
     assert bvh.contains([0, 0, 0]).tolist() == [True]
     assert bvh.contains(np.zeros((0, 3))).shape == (0,)
-    with pytest.raises(ValueError, match=r"^points: expected an \(n, 3\) array"):
+    with pytest.raises(ValueError, match=r"^points: expected an array of shape .* got shape \(1, 2\)"):
         bvh.contains([[0, 0]])
 
 
