@@ -10,7 +10,7 @@ import raytrace as rt
 from raytrace.cli import main
 from raytrace.errors import OptionError
 from raytrace.image.files import save
-from raytrace.image.z_test import z_test
+from raytrace.image.significance import z_test
 
 PAIRS = 300
 SIZE = 24, 20

@@ -43,7 +43,7 @@ def compared(args: Namespace) -> bool:
 
 
 def _tested(args: Namespace) -> dict[str, Any]:
-    from raytrace.image.z_test import ALPHA, z_test
+    from raytrace.image.significance import ALPHA, z_test
 
     found = z_test(args.image, args.reference, ALPHA if args.alpha is None else args.alpha)
     return {"passed": found.passed} | found._asdict()

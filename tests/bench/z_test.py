@@ -16,7 +16,7 @@ from types import SimpleNamespace
 import numpy as np
 
 import raytrace as rt
-from raytrace.image.z_test import z_test
+from raytrace.image.significance import z_test
 
 SCENES = Path(__file__).parents[2] / "scenes"
 PLAN = (  # scene, integrator
