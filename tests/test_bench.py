@@ -9,7 +9,11 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PROGRAMS = sorted(path for path in (ROOT / "tests" / "bench").glob("*.py") if "__main__" in path.read_text("utf-8"))
-NEEDS = {"curves": "matplotlib", "cluster": "distributed"}  # optional packages that a program imports at once
+NEEDS = {
+    "curves": "matplotlib",
+    "cluster": "distributed",
+    "adapter": "embreex",
+}  # optional packages that a program imports at once
 
 
 def test_there_are_programs():
