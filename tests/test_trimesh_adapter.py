@@ -104,10 +104,14 @@ def test_copies_build_their_own_tree(nested):
         assert twin.intersects_any(*RAYS).tolist() == [True, True, False]
 
 
-def test_functions_of_trimesh_use_it(nested):
+def test_distances_of_trimesh_use_it():
+    pytest.importorskip("rtree", reason="trimesh finds closest points by rtree")
     sphere = with_ray(trimesh.creation.icosphere(subdivisions=2))
     inner = 0.5 * sphere.vertices[:5]
     assert (trimesh.proximity.signed_distance(sphere, inner) > 0.3).all()
+
+
+def test_functions_of_trimesh_use_it(nested):
     longest = trimesh.proximity.longest_ray(nested, RAYS[0], RAYS[1])
     assert np.allclose(longest[:2], 2.5)
     assert longest[2] == np.inf

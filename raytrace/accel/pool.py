@@ -273,6 +273,6 @@ def trace_if_scattered(tree: Tree, packets: int, visit, work: PoolWork) -> bool:
 
 @specialised(trace_scattered)
 def _trace_scattered(tree, packets, visit, work):
-    if "pool_t" in work.instance_class._fields:
+    if BITS == 512 and "pool_t" in work.instance_class._fields:
         return lambda tree, packets, visit, work: trace_if_scattered(tree, packets, visit, work)
     return lambda tree, packets, visit, work: False

@@ -31,7 +31,7 @@ from raytrace.accel.layout import boxes_of, children_of
 from raytrace.accel.pool import suits_pool
 from raytrace.jit import inlined, kernel
 from raytrace.records import Columns, Hits, Rays, Tree
-from raytrace.work_records import PoolWork
+from raytrace.work_records import PoolWork, Work
 
 DIGIT = 12  # bits that one pass of the radix sort orders by
 DIRECTION_BITS = 5  # of a key: octant (3) and dominant axis (2)
@@ -182,20 +182,29 @@ def give_back(values, n, numbers, out):
 
 def worth_sorting(tree: Tree, grid: Grid, rays: Rays, n: int, scratch: SortScratch) -> bool:
     """Return whether rays are faster if they are sorted first: where most neighbours differ, but not for a pool."""
+    return _order(tree, grid, rays, n, scratch)[0]
+
+
+def _order(tree: Tree, grid: Grid, rays: Rays, n: int, scratch: SortScratch) -> tuple[bool, Work | PoolWork]:
+    """Return whether rays are faster if sorted first, and scratch memory: with a pool if they are scattered."""
+    plain = Work(*scratch.work[: len(Work._fields)])
     if n < SAMPLE:
-        return False
+        return False, plain
     keys, directions = changes(rays, n, grid, scratch)
-    return 2 * keys > SAMPLE and not (2 * directions > SAMPLE and suits_pool(tree))
+    if 2 * directions > SAMPLE and suits_pool(tree):
+        return False, scratch.work
+    return 2 * keys > SAMPLE, plain
 
 
 def closest_hit(tree: Tree, grid: Grid, rays: Rays, hits: Hits, batch: int | Pixels, scratch: SortScratch) -> None:
     """Find the nearest hits of the rays of a batch, which are sorted first if that is faster."""
     n = _count(batch)
-    if not worth_sorting(tree, grid, rays, n, scratch):
-        query.closest_hit(tree, rays, hits, batch, scratch.work)
+    sort, work = _order(tree, grid, rays, n, scratch)
+    if not sort:
+        query.closest_hit(tree, rays, hits, batch, work)
         return
     numbers, rays = _sorted(rays, n, grid, scratch)
-    query.closest_hit(tree, rays, scratch.hits, n, scratch.work)
+    query.closest_hit(tree, rays, scratch.hits, n, work)
     for values, out in zip(scratch.hits, hits, strict=True):
         give_back(values, n, numbers, out)
 
@@ -205,11 +214,12 @@ def any_hit(
 ) -> None:
     """Find which rays of a batch are occluded; they are sorted first if that is faster."""
     n = _count(batch)
-    if not worth_sorting(tree, grid, rays, n, scratch):
-        query.any_hit(tree, rays, occluded, batch, scratch.work)
+    sort, work = _order(tree, grid, rays, n, scratch)
+    if not sort:
+        query.any_hit(tree, rays, occluded, batch, work)
         return
     numbers, rays = _sorted(rays, n, grid, scratch)
-    query.any_hit(tree, rays, scratch.occluded, n, scratch.work)
+    query.any_hit(tree, rays, scratch.occluded, n, work)
     give_back(scratch.occluded, n, numbers, occluded)
 
 
