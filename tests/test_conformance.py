@@ -14,7 +14,9 @@ from raytrace.conformance import writing
 from raytrace.conformance.cases import suite
 from raytrace.conformance.judging import FAILS, MISSING, PASSES, UNJUDGED, judge
 from raytrace.conformance.measuring import find_images
-from raytrace.conformance.writing import ANSWERS, SCHEMA, entry, scene_of
+from raytrace.conformance.writing import ANSWERS, SCHEMA, entry, scene_of, write_suite
+from raytrace.errors import FileError
+from raytrace.exporting import images
 from raytrace.image.files import save, srgb_decode, srgb_encode
 from raytrace.rendering import path_wavefront
 
@@ -325,3 +327,10 @@ def test_a_suite_is_checked(folder, tmp_path, capsys):
     (tmp_path / ANSWERS).write_text('{"schema": "raytrace.conformance/9", "scenes": []}')
     assert main(["conformance", str(tmp_path), "--images", str(tmp_path)]) == 4
     assert "raytrace.conformance/9" in capsys.readouterr().err
+
+
+def test_without_openexr_nothing_is_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(images, "find_spec", lambda name: None)
+    with pytest.raises(FileError, match="pip install OpenEXR"):
+        write_suite(tmp_path / "suite")
+    assert not (tmp_path / "suite").exists()

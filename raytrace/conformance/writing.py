@@ -9,6 +9,7 @@ import raytrace
 from raytrace.conformance.case import Case
 from raytrace.conformance.cases import suite
 from raytrace.errors import FileError, RaytraceError, printable
+from raytrace.exporting.images import check_exr
 from raytrace.files import write_whole
 from raytrace.output_folder import check_folder, write
 
@@ -58,8 +59,9 @@ def write_suite(folder: Path) -> tuple[Path, ...]:
     Raises
     ------
     FileError
-        The folder or a file can't be written.
+        The folder or a file can't be written, or OpenEXR is missing.
     """
+    check_exr()
     check_folder(folder)
     cases = suite()
     files: dict[str, bytes] = {}

@@ -1,10 +1,12 @@
 """The images of a scene as files: textures as PNG or EXR copies, upright; environments resampled."""
 
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.errors import FileError
 from raytrace.exporting.equal_area import square_to_sphere
 from raytrace.image import png
 from raytrace.image.texels import srgb_table
@@ -34,10 +36,17 @@ def linear_texels(texture: Texture) -> NDArray[np.float32]:
     return values.reshape(texture.codes.shape)
 
 
+def check_exr() -> None:
+    """Raise a FileError if EXR files can't be written."""
+    if find_spec("OpenEXR") is None:
+        raise FileError("other renderers read images of light as EXR, which needs OpenEXR: pip install OpenEXR")
+
+
 def exr_bytes(rgb: NDArray[Any]) -> bytes:
-    """Return linear colours (h, w, 3) as an EXR file of float32."""
+    """Return linear colours (h, w, 3) as an EXR file of float32; a FileError without OpenEXR."""
     import io
 
+    check_exr()
     import OpenEXR
 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
