@@ -182,6 +182,21 @@ def test_grazing_rays_are_hit_within_the_triangle(precision):
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
+def test_a_ray_leaves_a_plane_that_contains_its_origin(precision):
+    """Also at a grazing angle, and from beside the edge that two triangles of this plane share."""
+    rng = np.random.default_rng(6)
+    square = np.array([[-1, -1, 2], [1, -1, 2], [1, 1, 2], [-1, 1, 2]])
+    along = rng.uniform(-1, 1, 2000)
+    beside = along + rng.normal(0, np.finfo(precision).eps / 8, 2000)
+    cosine, angle = rng.uniform(0, 0.1, 2000), rng.uniform(0, 2 * np.pi, 2000)
+    o = np.column_stack([along, beside, np.full(2000, 2.0)])
+    d = np.column_stack([np.cos(angle), np.sin(angle), cosine])
+    for axis in range(3):
+        bvh = rt.BVH(np.roll(square, axis, axis=1), [[0, 1, 2], [0, 2, 3]], precision=precision)
+        assert not bvh.any_hit(np.roll(o, axis, axis=1), np.roll(d, axis, axis=1)).any()
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
 def test_inclusion_is_exact_where_products_of_an_edge_are_rounded_to_the_same(precision):
     """Fibonacci numbers: F(n)^2 and F(n-1) F(n+1) differ by 1, which their products in floats can't show."""
     fibonacci = [1, 1]

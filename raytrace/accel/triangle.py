@@ -122,17 +122,20 @@ def plane_distance(frame: RayFrame, n, sheared: ShearedTriangle, weights, inside
     It comes from the plane, because the barycentric weights alone are too inaccurate in slivers: every vertex has the
     same height n . (v - o) over the origin, so z = height / (n . d / d_z). The vertex nearest to the hit has the
     largest weight. z is clamped to the range of the triangle's vertices; where the ray grazes the plane, to the chord
-    of the triangle below the ray.
+    of the triangle below the ray. Not where all three heights are 0: there the ray starts in the plane and leaves it at
+    z = 0, but the chord of a neighbouring triangle may begin just beyond.
     """
     a, b, c, ax, ay, bx, by, cx, cy = sheared
     u, v, w = weights
-    height = fma(u, normal_part(n, a), fma(v, normal_part(n, b), w * normal_part(n, c)))
+    height_a, height_b, height_c = normal_part(n, a), normal_part(n, b), normal_part(n, c)
+    height = fma(u, height_a, fma(v, height_b, w * height_c))
     slope = n[2] - fma(n[0], frame.sx, n[1] * frame.sy)
     z = height / slope
     low = minimum(minimum(a[2], b[2]), c[2])
     high = maximum(maximum(a[2], b[2]), c[2])
     grazing = inside & (absolute(slope) < GRAZING)
     if bits(grazing) != 0:
+        grazing = grazing & ((height_a != 0.0) | (height_b != 0.0) | (height_c != 0.0))
         p, q, r = ax * n[1] - ay * n[0], bx * n[1] - by * n[0], cx * n[1] - cy * n[0]
         first, last = chord_end(a[2], p, b[2], q, np.inf, -np.inf)
         first, last = chord_end(b[2], q, c[2], r, first, last)
