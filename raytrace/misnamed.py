@@ -1,4 +1,4 @@
-"""Files whose content does not match their name: Git LFS pointers, HTML pages, UTF-16 text."""
+"""Files whose content does not match their name: Git LFS pointers, HTML pages, UTF-16 text, meshes and images."""
 
 import re
 
@@ -7,6 +7,21 @@ UTF16 = b"\xff\xfe", b"\xfe\xff"  # byte order marks
 PAGE = re.compile(rb"\s*<(?:!doctype html|html)\b", re.IGNORECASE)
 BEGIN = 8  # bytes
 ENCODED = "UTF-16 text; save it as UTF-8"
+FORMS = {  # the first bytes of other files, and what these are
+    b"ply": "a PLY mesh; rename it to .ply",
+    b"glTF": "a GLB mesh; rename it to .glb",
+    b"solid": "an STL mesh; rename it to .stl",
+    b"OFF": "an OFF mesh; rename it to .off",
+    b"\x89PNG": "a PNG image",
+    b"\xff\xd8\xff": "a JPEG image",
+    b"\x76\x2f\x31\x01": "an EXR image",
+    b"PK\x03\x04": "a ZIP archive",
+    b"\x1f\x8b": "compressed by gzip; unpack it",
+    b"%PDF": "a PDF document",
+    b"<": "XML, such as a scene of Mitsuba",
+}
+OBJ = re.compile(rb"(?:\s|#[^\n]*\n)*(?:(?:v|vn|vt|f)(?:\s+[-\d./]+){2,}|(?:o|g|mtllib|usemtl)\s\S)")
+PBRT = re.compile(rb"(?:\s|#[^\n]*\n)*(?:LookAt|Camera|Film|Sampler|Integrator|WorldBegin|Scale|Include)\s")
 
 
 def mistaken(data: bytes) -> str:
@@ -29,6 +44,31 @@ def mistaken(data: bytes) -> str:
     if PAGE.match(data[:100]):
         return "an HTML page; fetch the file itself"
     return ""
+
+
+def other_than_scene(data: bytes) -> str:
+    r"""Say what stands in place of a scene; "" if it may be one.
+
+    Parameters
+    ----------
+    data : bytes
+        The content of a file that is no JSON.
+
+    Examples
+    --------
+    >>> other_than_scene(b"# a cube\nv 0 0 0\nv 0 0 1\n")
+    'an OBJ mesh; rename it to .obj'
+    >>> other_than_scene(b"{]")
+    ''
+    """
+    for begin, what in FORMS.items():
+        if data.startswith(begin):
+            return what
+    if len(data) > 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
+        return FORMS[b"solid"]
+    if OBJ.match(data):
+        return "an OBJ mesh; rename it to .obj"
+    return "a scene of pbrt" if PBRT.match(data) else ""
 
 
 def is_utf16(data: bytes) -> bool:

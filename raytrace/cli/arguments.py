@@ -1,50 +1,11 @@
 """Options of the command line, and parsers of their values; an error says what was expected and what was given."""
 
-import contextlib
-import sys
-from argparse import ArgumentParser, ArgumentTypeError, BooleanOptionalAction, RawDescriptionHelpFormatter
-from collections.abc import Callable, Iterable
+from argparse import ArgumentParser, ArgumentTypeError, BooleanOptionalAction
+from collections.abc import Callable
 from pathlib import Path
-from typing import NoReturn
 
-from raytrace.cli import streams
-from raytrace.errors import printable, shortened
+from raytrace.cli.parser import suggestion
 from raytrace.limits import LAYERS, LIGHT_LAYERS
-
-LONGEST = 1000  # most characters of a message about an argument
-
-
-class Parser(ArgumentParser):
-    """An argument parser that can print its help and errors to any stream."""
-
-    def __init__(self, program: str, about: str) -> None:
-        super().__init__(
-            prog=program, description=about, formatter_class=RawDescriptionHelpFormatter, allow_abbrev=False
-        )
-
-    def error(self, message: str) -> NoReturn:
-        """Print what is wrong, and exit with code 2."""
-        with contextlib.suppress(OSError):  # the reader is gone
-            self.print_usage(sys.stderr)
-        self.exit(2, f"{self.prog}: error: {shortened(printable(message), LONGEST)}")
-
-    def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
-        """Flush the output, such as the help, and exit."""
-        if message:
-            streams.say(message.rstrip())
-        streams.flush()
-        sys.exit(status)
-
-
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """Suggest the known word that is closest, as the end of a message; "" where none is close.
-
-    >>> suggestion("sobl", ["sobol", "stratified"])
-    "; did you mean 'sobol'?"
-    """
-    from difflib import get_close_matches
-
-    return "".join(f"; did you mean '{match}'?" for match in get_close_matches(word, list(known), 1))
 
 
 def whole_number(low: int, high: int = 2**31 - 1) -> Callable[[str], int]:
@@ -77,11 +38,11 @@ def real_number(low: float, high: float) -> Callable[[str], float]:
     return parse
 
 
-def whole_numbers(form: str, separator: str, lows: tuple[int, ...]) -> Callable[[str], tuple[int, ...]]:
+def whole_numbers(form: str, separator: str, lows: tuple[int, ...], example: str) -> Callable[[str], tuple[int, ...]]:
     """Return a parser for whole numbers with a separator between them, each with a lower bound.
 
-    >>> whole_numbers("WxH", "x", (1, 1))("640x480")
-    (640, 480)
+    >>> whole_numbers("WxH", "x", (1, 1), "640x480")("64x48")
+    (64, 48)
     """
 
     def parse(text: str) -> tuple[int, ...]:
@@ -89,12 +50,17 @@ def whole_numbers(form: str, separator: str, lows: tuple[int, ...]) -> Callable[
             values = tuple(int(part) for part in text.lower().split(separator))
         except ValueError:
             values = ()
-        if len(values) != len(lows) or any(value < low for value, low in zip(values, lows, strict=True)):
-            bounds = ", ".join(str(low) for low in lows)
-            raise ArgumentTypeError(f"expected {form}, whole numbers of at least {bounds}, got '{text}'")
+        if len(values) != len(lows):
+            raise ArgumentTypeError(f"expected {form} in whole numbers, such as {example}, got '{text}'")
+        if any(value < low for value, low in zip(values, lows, strict=True)):
+            bounds = separator.join(str(low) for low in lows)
+            raise ArgumentTypeError(f"expected {form} of at least {bounds}, such as {example}, got '{text}'")
         return values
 
     return parse
+
+
+SIZE = whole_numbers("WxH", "x", (1, 1), "640x480")
 
 
 def one_of(*known: str) -> Callable[[str], str]:
@@ -152,6 +118,18 @@ def scene_options(parser: ArgumentParser) -> None:
     _load_options(parser)
 
 
+def scenes_options(parser: ArgumentParser) -> None:
+    """Declare several scene files and the options for loading them."""
+    parser.add_argument("scenes", type=Path, nargs="+", metavar="scene", help="scene files (JSON), or mesh files")
+    _load_options(parser)
+
+
+def check_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``check``."""
+    scenes_options(parser)
+    parser.add_argument("--json", action="store_true", help="print one JSON object: all problems, each with its place")
+
+
 def _memory_option(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--max-memory", type=memory, metavar="SIZE", help="memory limit, such as 500M or 4G (default: what is free)"
@@ -166,7 +144,7 @@ def _load_options(parser: ArgumentParser) -> None:
 
 def render_options(parser: ArgumentParser) -> None:
     """Declare the options of ``render``."""
-    scene_options(parser)
+    scenes_options(parser)
     _image_options(parser)
 
 
@@ -178,11 +156,11 @@ def demo_options(parser: ArgumentParser) -> None:
 
 def _image_options(parser: ArgumentParser) -> None:
     add = parser.add_argument
-    add("-o", "--output", type=Path, metavar="FILE", help=".png, .exr or .npz (default: ./<scene>.png)")
+    add("-o", "--output", metavar="FILE", help=".png, .exr or .npz (default: ./<scene>.png); or a folder, as images/")
+    add("--format", type=one_of("png", "exr", "npz"), metavar="F", help="png, exr or npz, where -o does not say it")
     add("--spp", type=whole_number(1), metavar="N", help="samples per pixel (default: the scene's)")
-    size = whole_numbers("WxH", "x", (1, 1))
-    add("--size", type=size, metavar="WxH", help="image size in pixels (default: the scene's)")
-    window = whole_numbers("X,Y,W,H", ",", (0, 0, 1, 1))
+    add("--size", type=SIZE, metavar="WxH", help="image size in pixels (default: the scene's)")
+    window = whole_numbers("X,Y,W,H", ",", (0, 0, 1, 1), "0,0,64,48")
     add("--crop", type=window, metavar="X,Y,W,H", help="render only W x H pixels, from column X and row Y")
     _integrator_option(parser)
     add("--seed", type=whole_number(0, 2**32 - 1), metavar="N", help="random seed (default: the scene's)")
@@ -262,8 +240,7 @@ def report_options(parser: ArgumentParser) -> None:
     add("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the report")
     add("--reference", type=Path, metavar="FILE", help="reference image, .exr or .npz (default: rendered, and kept)")
     add("--budget", type=real_number(1, 1e9), default=60.0, metavar="SECONDS", help="measuring time (default: 60)")
-    size = whole_numbers("WxH", "x", (1, 1))
-    add("--size", type=size, metavar="WxH", help="image size in pixels (default: the scene's)")
+    add("--size", type=SIZE, metavar="WxH", help="image size in pixels (default: the scene's)")
 
 
 def conformance_options(parser: ArgumentParser) -> None:
