@@ -14,7 +14,7 @@ from raytrace.cli import main
 from raytrace.errors import FileError, SceneError
 
 BOX = str(Path(__file__).parent.parent / "scenes" / "cornell-box.json")
-HEAVY = {"numba", "llvmlite", "numpy", "trimesh", "rich", "PIL", "OpenEXR", "skimage"}
+HEAVY = {"numba", "llvmlite", "numpy", "trimesh", "rich", "PIL", "OpenEXR", "skimage", "webbrowser", "http", "secrets"}
 
 
 class Event(NamedTuple):

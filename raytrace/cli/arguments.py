@@ -197,6 +197,16 @@ def _integrator_option(parser: ArgumentParser) -> None:
     parser.add_argument("--integrator", choices=("direct", "path"), help=text)
 
 
+def view_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``view``."""
+    scene_options(parser)
+    add = parser.add_argument
+    add("--size", type=SIZE, metavar="WxH", help="image size in pixels (default: the scene's, at most 512 a side)")
+    add("--spp", type=whole_number(1), metavar="N", help="samples per pixel of the image at rest (default: 64)")
+    _integrator_option(parser)
+    add("--no-browser", action="store_true", help="print the address of the page, but open no browser")
+
+
 def warmup_options(parser: ArgumentParser) -> None:
     """Declare the options of ``warmup``."""
     text = "scene files (JSON): compile only what these need (default: what all scenes without path tracing need)"

@@ -73,6 +73,12 @@ def _check(args: Namespace) -> int:
     return check_scenes(args, _load)
 
 
+def _view(args: Namespace) -> int:
+    from raytrace.cli.viewing import view
+
+    return view(args, _load)
+
+
 def _compare(args: Namespace) -> int:
     from raytrace.cli.comparing import compared
 
@@ -173,6 +179,7 @@ COMMANDS = {
         "show which features a scene needs, which are left out, and why", _explain, arguments.explain_options
     ),
     "check": Command("check scenes and their meshes without rendering", _check, arguments.check_options),
+    "view": Command("turn a scene or a mesh in a web browser", _view, arguments.view_options),
     "compare": Command("measure the error of an image against a reference", _compare, arguments.compare_options),
     "report": Command("measure speed and error, or test hard rays; write a page", _report, arguments.report_options),
     "conformance": Command(
