@@ -158,6 +158,20 @@ def _image_options(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("-o", "--output", metavar="FILE", help=".png, .exr or .npz (default: ./<scene>.png); or a folder, as images/")
     add("--format", type=one_of("png", "exr", "npz"), metavar="F", help="png, exr or npz, where -o does not say it")
+    _job_options(parser)
+    text = "render on the Dask cluster at this address, such as tcp://host:8786"
+    add("--cluster", metavar="ADDRESS", help=text)
+    text = "resume from <output>.checkpoint if it exists; otherwise create it"
+    add("--resume", action="store_true", help=text)
+    text = "of a .png: multiply radiance by 2^STOPS"
+    add("--exposure", type=real_number(-100, 100), default=0.0, metavar="STOPS", help=text)
+    add("--quiet", action="store_true", help="no progress and no messages, only errors")
+    add("--json", action="store_true", help="print one JSON object: path, seconds, statistics")
+
+
+def _job_options(parser: ArgumentParser) -> None:
+    """Declare what decides an image and its cost."""
+    add = parser.add_argument
     add("--spp", type=whole_number(1), metavar="N", help="samples per pixel (default: the scene's)")
     add("--size", type=SIZE, metavar="WxH", help="image size in pixels (default: the scene's)")
     window = whole_numbers("X,Y,W,H", ",", (0, 0, 1, 1), "0,0,64,48")
@@ -168,28 +182,20 @@ def _image_options(parser: ArgumentParser) -> None:
     samplers = one_of("sobol", "stratified", "independent")
     add("--sampler", type=samplers, metavar="NAME", help="sobol, stratified or independent")
     add("--threads", type=whole_number(1, 4096), metavar="N", help="number of threads (default: one per core)")
-    text = "render on the Dask cluster at this address, such as tcp://host:8786"
-    add("--cluster", metavar="ADDRESS", help=text)
     text = "stop after this time and save the image so far"
     add("--time-limit", type=real_number(1e-3, 1e9), metavar="SECONDS", help=text)
     text = "adaptive sampling to this RMSE (sRGB, 0..1), with at most --spp samples"
     add("--target-error", type=real_number(1e-6, 0.999), metavar="E", help=text)
-    text = "resume from <output>.checkpoint if it exists; otherwise create it"
-    add("--resume", action="store_true", help=text)
     text = (
         f"layers to save in an .exr or .npz: {', '.join(LAYERS)}; with integrator path also {', '.join(LIGHT_LAYERS)}"
     )
     add("--aov", type=layers, default=(), metavar="A,B", help=text)
-    text = "of a .png: multiply radiance by 2^STOPS"
-    add("--exposure", type=real_number(-100, 100), default=0.0, metavar="STOPS", help=text)
-    add("--quiet", action="store_true", help="no progress and no messages, only errors")
-    add("--json", action="store_true", help="print one JSON object: path, seconds, statistics")
 
 
 def explain_options(parser: ArgumentParser) -> None:
-    """Declare the options of ``explain``."""
-    scene_options(parser)
-    _integrator_option(parser)
+    """Declare the options of ``explain``: those of ``render`` that decide an image and its cost."""
+    scenes_options(parser)
+    _job_options(parser)
 
 
 def _integrator_option(parser: ArgumentParser) -> None:

@@ -62,9 +62,9 @@ def _demo(args: Namespace) -> int:
 
 
 def _explain(args: Namespace) -> int:
-    chosen = {"integrator": args.integrator} if args.integrator else {}
-    streams.out(str(raytrace.explain(_load(args), **chosen)))
-    return DONE
+    from raytrace.cli.explaining import explain_scenes
+
+    return explain_scenes(args, _load)
 
 
 def _check(args: Namespace) -> int:
