@@ -1,6 +1,6 @@
 """Options of the command line, and parsers of their values; an error says what was expected and what was given."""
 
-from argparse import ArgumentParser, ArgumentTypeError, BooleanOptionalAction
+from argparse import ArgumentParser, ArgumentTypeError
 from collections.abc import Callable
 from pathlib import Path
 
@@ -63,20 +63,31 @@ def whole_numbers(form: str, separator: str, lows: tuple[int, ...], example: str
 SIZE = whole_numbers("WxH", "x", (1, 1), "640x480")
 
 
-def one_of(*known: str) -> Callable[[str], str]:
-    """Return a parser for one of several words; its error suggests the closest one."""
+class one_of:
+    """A parser for one of several words, used as a function; its error suggests the closest one.
 
-    def parse(text: str) -> str:
-        if text not in known:
-            raise ArgumentTypeError(f"expected {', '.join(known)}, got '{text}'{suggestion(text, known)}")
+    Attributes
+    ----------
+    words : tuple of str
+        What it accepts; shells complete these.
+    """
+
+    def __init__(self, *words: str) -> None:
+        self.words = words
+
+    def __call__(self, text: str) -> str:
+        """Parse a word."""
+        if text not in self.words:
+            raise ArgumentTypeError(f"expected {', '.join(self.words)}, got '{text}'{suggestion(text, self.words)}")
         return text
 
-    return parse
+
+LAYER = one_of(*LAYERS, *LIGHT_LAYERS)
 
 
 def layers(text: str) -> tuple[str, ...]:
     """Parse names of layers, separated by commas."""
-    return tuple(map(one_of(*LAYERS, *LIGHT_LAYERS), text.split(",")))
+    return tuple(map(LAYER, text.split(",")))
 
 
 def memory(text: str) -> int:
@@ -222,31 +233,6 @@ def warmup_options(parser: ArgumentParser) -> None:
     _load_options(parser)
 
 
-def compare_options(parser: ArgumentParser) -> None:
-    """Declare the options of ``compare``; its limits are the fields of ``raytrace.image.metrics.Limits``."""
-    add = parser.add_argument
-    add("image", type=Path, help="image to compare: .exr, .npz or .png")
-    add("reference", type=Path, help="reference image")
-    limit = real_number(0, float("inf"))
-    add("--max-rmse", type=limit, metavar="X", help="root mean square error, linear radiance")
-    add("--max-rmse-srgb", type=limit, metavar="X", help="root mean square error in sRGB, clipped to 0..1")
-    add("--max-relative-mse", type=limit, metavar="X", help="mean squared error, relative to each value")
-    add("--min-ssim", type=real_number(-1, 1), metavar="X", help="structural similarity; 1 means equal")
-    add("--max-bias", type=limit, metavar="X", help="relative difference of a channel's mean")
-    add("--max-worst-tile", type=limit, metavar="X", help="error of the worst 8 x 8 tile")
-    add("--max-outliers", type=real_number(0, 1), metavar="X", help="fraction of pixels that are outliers")
-    add("--max-mrse", type=limit, metavar="X", help="mean relative squared error, as pbrt has it")
-    add("--max-flip", type=real_number(0, 1), metavar="X", help="mean FLIP, as shown on a screen; 0 means equal")
-    add("--max-hdr-flip", type=real_number(0, 1), metavar="X", help="mean HDR-FLIP, of the light itself")
-    text = "measure FLIP and HDR-FLIP, or do not (default: if flip-evaluator is installed)"
-    add("--flip", action=BooleanOptionalAction, help=text)
-    text = "fail if the images differ by more than their noise; both files must have variances (.exr, .npz)"
-    add("--z-test", action="store_true", help=text)
-    text = "of the z-test: probability that images which differ by noise only fail (default: 0.01)"
-    add("--alpha", type=real_number(1e-12, 0.5), metavar="P", help=text)
-    add("--json", action="store_true", help="print one JSON object")
-
-
 def report_options(parser: ArgumentParser) -> None:
     """Declare the options of ``report``."""
     add = parser.add_argument
@@ -259,15 +245,9 @@ def report_options(parser: ArgumentParser) -> None:
     add("--size", type=SIZE, metavar="WxH", help="image size in pixels (default: the scene's)")
 
 
-def conformance_options(parser: ArgumentParser) -> None:
-    """Declare the options of ``conformance``."""
-    add = parser.add_argument
-    add("suite", type=Path, nargs="?", metavar="DIR", help="folder of the suite, to judge images of its scenes")
-    add("--images", type=Path, metavar="DIR", help="folder of the images to judge: .exr, .npz or .png")
-    text = (
-        "without --images: folder to write the suite into; with it: folder of the report (default: that of the images)"
-    )
-    add("-o", "--output", type=Path, metavar="DIR", help=text)
+def completion_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``completion``."""
+    parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="bash, zsh or fish")
 
 
 def export_options(parser: ArgumentParser) -> None:

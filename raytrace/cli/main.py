@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 import raytrace
 from raytrace.cli import arguments, streams
+from raytrace.cli.comparing import compare_options, compared
+from raytrace.cli.conformance import conformance, conformance_options
 from raytrace.cli.failures import DIFFERENT, DONE, USAGE, failed
 from raytrace.cli.parser import Parser, suggestion
 from raytrace.cli.terminal import INTERRUPTED, Reporter, at_terminal, counting, signals_interrupt
@@ -80,8 +82,6 @@ def _view(args: Namespace) -> int:
 
 
 def _compare(args: Namespace) -> int:
-    from raytrace.cli.comparing import compared
-
     return DONE if compared(args) else DIFFERENT
 
 
@@ -119,8 +119,6 @@ def _report(args: Namespace) -> int:
 
 
 def _conformance(args: Namespace) -> int:
-    from raytrace.cli.conformance import conformance
-
     return DONE if conformance(args) else DIFFERENT
 
 
@@ -139,6 +137,13 @@ def _schema(_args: Namespace) -> int:
     from raytrace.scene import schema_text
 
     streams.out(schema_text().rstrip())
+    return DONE
+
+
+def _completion(args: Namespace) -> int:
+    from raytrace.cli.completion import script
+
+    streams.out(script(args.shell, {name: parser_of(name) for name in COMMANDS}).rstrip())
     return DONE
 
 
@@ -180,16 +185,19 @@ COMMANDS = {
     ),
     "check": Command("check scenes and their meshes without rendering", _check, arguments.check_options),
     "view": Command("turn a scene or a mesh in a web browser", _view, arguments.view_options),
-    "compare": Command("measure the error of an image against a reference", _compare, arguments.compare_options),
+    "compare": Command("measure the error of an image against a reference", _compare, compare_options),
     "report": Command("measure speed and error, or test hard rays; write a page", _report, arguments.report_options),
     "conformance": Command(
         "write scenes whose light is known, or judge a renderer's images of them",
         _conformance,
-        arguments.conformance_options,
+        conformance_options,
     ),
     "export": Command("write a scene for Mitsuba 3 or pbrt-v4", _export, arguments.export_options),
     "schema": Command("print the JSON Schema of scene files", _schema),
     "warmup": Command("compile kernels now instead of at the first render", _warmup, arguments.warmup_options),
+    "completion": Command(
+        "print a script that completes commands and options in a shell", _completion, arguments.completion_options
+    ),
     "doctor": Command("show versions, processor, cache and optional packages", _doctor),
 }
 
