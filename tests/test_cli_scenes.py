@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import raytrace
-from raytrace.cli import main
+from raytrace.cli import main, terminal
 from raytrace.cli.progress_lines import ProgressLines
 from raytrace.errors import OptionError, SceneError
 from raytrace.rendering.progress import Progress
@@ -15,6 +15,7 @@ from raytrace.scene.problem_lines import parts_of
 from scene_files import CUBE, scene, write
 from test_cli import library  # noqa: F401  a fixture
 
+NUMBERS = [getattr(signal, name) for name in terminal.ENDING if hasattr(signal, name)]
 SMALL = ["--size", "8x8", "--spp", "1", "--quiet"]
 
 
@@ -117,7 +118,7 @@ def test_ctrl_c_ends_all_scenes(library, capsys, monkeypatch, late):  # noqa: F8
         return library.image
 
     monkeypatch.setattr(raytrace, "render", render, raising=False)
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    before = {number: signal.getsignal(number) for number in NUMBERS}
     try:
         assert main.main(["a.json", "b.json", "c.json", "--quiet"]) == 130
     finally:
@@ -218,3 +219,36 @@ def test_rounds_of_adaptive_sampling_begin_anew_without_repeating_themselves():
             progress(Progress("rendering", done, 100 * part, 0, 60.0 + done))
     assert lines[:9] == [f"rendering: {k} %, {lines[k // 10 - 1].partition(', ')[2]}" for k in range(10, 100, 10)]
     assert len(lines) < 50
+
+
+@pytest.mark.parametrize("at_terminal", [False, True])
+def test_the_hard_cases_say_a_line_per_tenth_or_show_a_bar(monkeypatch, capsys, at_terminal):
+    seconds = iter(range(1000))
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: float(next(seconds)))
+    monkeypatch.setattr(terminal, "at_terminal", lambda: at_terminal)
+    monkeypatch.setattr(terminal, "_bar", lambda: bar)
+    bar = Bar()
+    with terminal.counting("hard cases") as progress:
+        for k in range(127):
+            progress("a case", k, 127)
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == (0 if at_terminal else 9)
+    assert bar.shown == ([("hard cases", k) for k in range(127)] if at_terminal else [])
+
+
+class Bar:
+    """A bar that notes what it shows."""
+
+    def __init__(self):
+        self.shown = []
+
+    def start(self):
+        """Show nothing."""
+
+    stop = start
+
+    def add_task(self, stage, **_options):
+        return stage
+
+    def update(self, stage, completed, **_options):
+        self.shown.append((stage, completed))

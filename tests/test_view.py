@@ -9,6 +9,7 @@ import urllib.error
 import urllib.request
 import webbrowser
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -164,6 +165,13 @@ def test_a_page_can_ask_for_an_image_and_for_a_path(server):
     assert content["text"] == "pixel: expected a number from 0 to 23, got 99"
 
 
+def test_a_new_page_gets_no_messages_of_an_older_one(server):
+    assert ask(server.address, "send", b'{"kind": "path", "pixel": [99, 9]}')[0] == 204
+    assert next(messages(server))[0]["kind"] == "error"
+    assert ask(server.address, "send", b'{"kind": "render"}')[0] == 204
+    assert next(messages(server))[0]["kind"] == "frame"
+
+
 @pytest.mark.parametrize(
     "values",
     [
@@ -248,6 +256,14 @@ def test_without_a_window_no_browser_of_the_terminal_is_opened(opened, monkeypat
     assert "no browser was found here" in capsys.readouterr().err
 
 
+def test_ctrl_c_before_the_page_opens_is_an_interrupt(opened, monkeypatch, capsys):
+    image = rt.render(FILE, spp=1, size=(2, 2))
+    monkeypatch.setattr(rt, "render", lambda *_args, **_options: replace(image, interrupted=True))
+    assert main.main(["view", FILE, "--size", "4x3"]) == 130
+    assert capsys.readouterr().out == ""
+    assert not opened
+
+
 def test_the_default_size_is_the_scene_s_made_smaller(scene):
     assert viewing._smaller(rt.load("scenes/room.json")) == (512, 384)
     assert viewing._smaller(scene) == tuple(scene.settings.size)
@@ -256,6 +272,7 @@ def test_the_default_size_is_the_scene_s_made_smaller(scene):
 def test_view_fails_as_other_commands_do(capsys):
     assert main.main(["view", "nowhere.json"]) == 4
     assert main.main(["view", FILE, "--size", "999999x4"]) == 2
+    assert main.main(["view", FILE, "--spp", "999999"]) == 2
     with pytest.raises(SystemExit, match="2"):
         main.main(["view"])
     assert capsys.readouterr().out == ""

@@ -31,15 +31,20 @@ def view(args: Namespace, load: Callable[[Namespace], "Scene"]) -> int:
     """
     with signals_interrupt(), without_scene_warnings():  # printed here, with their position in the file
         scene = load(args)
+        from raytrace.limits import MAX_SPP
+        from raytrace.rendering.rendering import within
         from raytrace.show.page_model import PageModel
         from raytrace.show.page_server import PageServer
         from raytrace.show.prepared_scene import prepare_scene
 
         for warning in scene.warnings:
             streams.say(f"warning: {warning}")
-        model = PageModel(prepare_scene(scene, args.size or _smaller(scene), args.integrator), args.spp or SPP)
+        prepared = prepare_scene(scene, args.size or _smaller(scene), args.integrator)
+        model = PageModel(prepared, within("spp", args.spp or SPP, 1, MAX_SPP))
         with Reporter(streams.say, bar=at_terminal(), lines=not at_terminal()) as reporter:
-            raytrace.render(model.scene(), spp=1, progress=reporter)  # compiles kernels here, where a bar shows it
+            image = raytrace.render(model.scene(), spp=1, progress=reporter)  # compiles here, where a bar shows it
+        if image.interrupted:
+            raise KeyboardInterrupt
         with (
             PageServer(model, f"raytrace: {printable(args.scene.name)}") as server,
             contextlib.suppress(KeyboardInterrupt),

@@ -71,4 +71,4 @@ async function receive(model) {
 
 const model = new Model(await (await fetch("state")).json());
 viewer.render({ model, el: PLACE });
-receive(model).catch(ended);
+model.last.then(() => receive(model)).catch(ended); // once the server knows of this page

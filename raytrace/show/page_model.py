@@ -81,7 +81,9 @@ class PageModel:
 
     def receive(self, message: dict[str, Any]) -> None:
         """Handle a message of the page: a request for an image, or for the path of a pixel."""
-        if message.get("kind") == "render":
+        if message.get("kind") == "render":  # a new page, which older messages do not concern
+            with self._changed:
+                self._newest.clear()
             self._renderer.request()
         elif message.get("kind") == "path":
             try:
