@@ -285,6 +285,8 @@ def test_the_page_works_in_a_browser(scene):
     if PLAIN or not _chromium():
         pytest.skip("kernels are plain functions" if PLAIN else "needs a Chromium")
     model = PageModel(prepare_scene(scene, (WIDTH, HEIGHT)), 4)
+    numbers, wait = [], model.message_after
+    model.message_after = lambda number, seconds: numbers.append(number) or wait(number, seconds)
     with served(model) as server, a_page() as page:
         page.goto(server.address)
         canvas = page.locator(".raytrace-viewer canvas[data-type='image/png']")
@@ -295,4 +297,5 @@ def test_the_page_works_in_a_browser(scene):
         data = page.evaluate("document.querySelector('canvas').toDataURL()").partition(",")[2]
         np.testing.assert_array_equal(pixels(base64.b64decode(data)), srgb8(rt.render(model.scene()).rgb))
         assert model.state["azimuth"] == 5.0
+        assert len(set(numbers)) == len(numbers)  # no message twice
         assert page.elsewhere == []
