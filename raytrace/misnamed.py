@@ -7,18 +7,19 @@ UTF16 = b"\xff\xfe", b"\xfe\xff"  # byte order marks
 PAGE = re.compile(rb"\s*<(?:!doctype html|html)\b", re.IGNORECASE)
 BEGIN = 8  # bytes
 ENCODED = "UTF-16 text; save it as UTF-8"
+EXPECTED = "expected a scene (JSON) or a mesh"
 FORMS = {  # the first bytes of other files, and what these are
     b"ply": "a PLY mesh; rename it to .ply",
     b"glTF": "a GLB mesh; rename it to .glb",
     b"solid": "an STL mesh; rename it to .stl",
     b"OFF": "an OFF mesh; rename it to .off",
-    b"\x89PNG": "a PNG image",
-    b"\xff\xd8\xff": "a JPEG image",
-    b"\x76\x2f\x31\x01": "an EXR image",
-    b"PK\x03\x04": "a ZIP archive",
+    b"\x89PNG": f"a PNG image; {EXPECTED}",
+    b"\xff\xd8\xff": f"a JPEG image; {EXPECTED}",
+    b"\x76\x2f\x31\x01": f"an EXR image; {EXPECTED}",
+    b"PK\x03\x04": f"a ZIP archive; {EXPECTED}",
     b"\x1f\x8b": "compressed by gzip; unpack it",
-    b"%PDF": "a PDF document",
-    b"<": "XML, such as a scene of Mitsuba",
+    b"%PDF": f"a PDF document; {EXPECTED}",
+    b"<": f"XML, such as a scene of Mitsuba; {EXPECTED}",
 }
 OBJ = re.compile(rb"(?:\s|#[^\n]*\n)*(?:(?:v|vn|vt|f)(?:\s+[-\d./]+){2,}|(?:o|g|mtllib|usemtl)\s\S)")
 PBRT = re.compile(rb"(?:\s|#[^\n]*\n)*(?:LookAt|Camera|Film|Sampler|Integrator|WorldBegin|Scale|Include)\s")
@@ -68,7 +69,7 @@ def other_than_scene(data: bytes) -> str:
         return FORMS[b"solid"]
     if OBJ.match(data):
         return "an OBJ mesh; rename it to .obj"
-    return "a scene of pbrt" if PBRT.match(data) else ""
+    return f"a scene of pbrt; {EXPECTED}" if PBRT.match(data) else ""
 
 
 def is_utf16(data: bytes) -> bool:

@@ -136,7 +136,7 @@ def test_check_takes_several_scenes(folder, capsys):
     assert main.main(["check", "a.json", "wrong.json", "cube.obj"]) == 3
     out, err = capsys.readouterr()
     assert out == "a.json: ok\ncube.obj: ok\n"
-    assert err.splitlines()[-1] == "2 of 3 scenes done; not done: wrong.json"
+    assert err.splitlines()[-1] == "2 of 3 scenes ok; not ok: wrong.json"
 
 
 def test_problems_as_json_have_their_parts(folder, capsys):

@@ -9,7 +9,7 @@ import pytest
 import raytrace as rt
 from raytrace.cli import main
 from raytrace.errors import FileError, SceneError
-from raytrace.misnamed import is_utf16
+from raytrace.misnamed import EXPECTED, is_utf16
 from raytrace.scene.meshes.reading import read_mesh
 from scene_files import CUBE, TRIANGLE, scene, write
 
@@ -175,9 +175,9 @@ def binary_stl():
         (STL.encode(), "an STL mesh; rename it to .stl"),
         (binary_stl(), "an STL mesh; rename it to .stl"),
         (b"glTF\2\0\0\0", "a GLB mesh; rename it to .glb"),
-        (b"\x89PNG\r\n\x1a\n", "a PNG image"),
-        (b'<scene version="3.0.0"/>', "XML, such as a scene of Mitsuba"),
-        (b"# a scene\nLookAt 0 0 1  0 0 0  0 1 0\n", "a scene of pbrt"),
+        (b"\x89PNG\r\n\x1a\n", f"a PNG image; {EXPECTED}"),
+        (b'<scene version="3.0.0"/>', f"XML, such as a scene of Mitsuba; {EXPECTED}"),
+        (b"# a scene\nLookAt 0 0 1  0 0 0  0 1 0\n", f"a scene of pbrt; {EXPECTED}"),
     ],
     ids=range(9),
 )
@@ -185,7 +185,7 @@ def test_another_file_in_place_of_a_scene_is_named(tmp_path, capsys, content, wh
     path = tmp_path / "a.txt"
     path.write_bytes(content)
     assert main.main(["check", str(path)]) == 3
-    assert capsys.readouterr().err == f"{path}: {what}; expected a scene (JSON) or a mesh\n"
+    assert capsys.readouterr().err == f"{path}: {what}\n"
 
 
 def test_a_long_run_of_blanks_is_searched_once(tmp_path):

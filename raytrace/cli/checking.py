@@ -26,9 +26,9 @@ def check_scenes(args: Namespace, load: Load) -> int:
         What is wrong with a single scene, unless it is printed as JSON.
     """
     if not args.json:
-        return each_scene(args, lambda args: _check(args, load))
+        return each_scene(args, lambda args: _check(args, load), done="ok")
     checked: list[dict[str, Any]] = []
-    code = each_scene(args, lambda args: _check_as_json(args, load, checked))
+    code = each_scene(args, lambda args: _check_as_json(args, load, checked), done="ok")
     ok = len(checked) == len(args.scenes) and all(one["ok"] for one in checked)
     streams.out(streams.json_text({"version": VERSION, "ok": ok, "scenes": checked}))
     return code

@@ -10,7 +10,11 @@ from raytrace.errors import printable
 
 
 def each_scene(
-    args: Namespace, run: Callable[[Namespace], int], stopped: Callable[[], bool] = lambda: False, title: bool = False
+    args: Namespace,
+    run: Callable[[Namespace], int],
+    stopped: Callable[[], bool] = lambda: False,
+    title: bool = False,
+    done: str = "done",
 ) -> int:
     """Run a command for every scene of its arguments; a scene that fails does not end the others.
 
@@ -24,6 +28,8 @@ def each_scene(
         Whether the user wants no further scenes.
     title : bool
         Whether to print number and name of each scene on stderr.
+    done : str
+        What the last message calls a scene that did not fail.
 
     Returns
     -------
@@ -46,15 +52,13 @@ def each_scene(
             interrupted = isinstance(error, KeyboardInterrupt) or stopped()
         if interrupted:
             break
-    wrong = {str(one.scene): code for one, code in zip(each, codes, strict=False) if code != DONE}
+    wrong = [(str(one.scene), code) for one, code in zip(each, codes, strict=False) if code != DONE]
     if wrong or interrupted:
-        streams.say(printable(_summary(list(wrong), [str(one.scene) for one in each[len(codes) :]], len(each))))
-    return INTERRUPTED if interrupted else next(iter(wrong.values()), DONE)
-
-
-def _summary(wrong: list[str], left: list[str], count: int) -> str:
-    """Say which scenes failed, and which were not begun."""
-    parts = [f"{count - len(wrong) - len(left)} of {count} scenes done"]
-    parts += [f"not done: {', '.join(wrong)}"] * bool(wrong)
-    parts += [f"not begun: {', '.join(left)}"] * bool(left)
-    return "; ".join(parts)
+        parts = {
+            f"not {done}": [scene for scene, _ in wrong],
+            "not begun": [str(one.scene) for one in each[len(codes) :]],
+        }
+        begin = f"{len(codes) - len(wrong)} of {len(each)} scenes {done}"
+        listed = [f"{what}: {', '.join(scenes)}" for what, scenes in parts.items() if scenes]
+        streams.say(printable("; ".join([begin, *listed])))
+    return INTERRUPTED if interrupted else next((code for _, code in wrong), DONE)

@@ -205,7 +205,7 @@ def _decode(name: str, data: bytes) -> str:
     if text := mistaken(data):
         raise FileError(f"{name}: {text}")
     if data.lstrip()[:1] not in SCENE_BEGINS and (text := other_than_scene(data)):
-        raise SceneError([f"{name}: {text}; expected a scene (JSON) or a mesh"])
+        raise SceneError([f"{name}: {text}"])
     try:
         return data.decode("utf-8-sig")  # some editors write a byte order mark first
     except UnicodeDecodeError as error:
