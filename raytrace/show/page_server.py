@@ -25,8 +25,11 @@ PAGE = """\
 <meta name="viewport" content="width=device-width">
 <title>{title}</title>
 <link rel="stylesheet" href="widget.css">
-<style>:root {{ color-scheme: light dark }} body {{ margin: 1rem; font: 14px/1.4 system-ui, sans-serif }}
-table {{ border-spacing: 0.8em 0.1em }}</style>
+<style>
+:root {{ color-scheme: light dark; --jp-ui-font-color2: color-mix(in srgb, CanvasText 70%, Canvas) }}
+body {{ margin: 1rem; font: 14px/1.4 system-ui, sans-serif }}
+table {{ border-spacing: 0.8em 0.1em }}
+</style>
 <h1 style="font-size: 1.2rem">{title}</h1>
 <main></main>
 <p role="status"></p>
