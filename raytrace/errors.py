@@ -1,7 +1,7 @@
 """Errors that users can cause, each with its exit code of the command line; and text that fits on one line."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -10,6 +10,7 @@ class RaytraceError(Exception):
     """Base of all errors that a user can fix; its text is the whole message, one line per problem."""
 
     exit_code = 1
+    problems: Sequence[str] = ()  # one line per problem, where these are known one by one
 
 
 class SceneError(RaytraceError, ValueError):

@@ -1,4 +1,4 @@
-"""Files whose content does not match their name: Git LFS pointers, HTML pages, UTF-16 text."""
+"""Files whose content does not match their name: Git LFS pointers, HTML pages, UTF-16 text, meshes and images."""
 
 import re
 
@@ -7,6 +7,22 @@ UTF16 = b"\xff\xfe", b"\xfe\xff"  # byte order marks
 PAGE = re.compile(rb"\s*<(?:!doctype html|html)\b", re.IGNORECASE)
 BEGIN = 8  # bytes
 ENCODED = "UTF-16 text; save it as UTF-8"
+EXPECTED = "expected a scene (JSON) or a mesh"
+FORMS = {  # the first bytes of other files, and what these are
+    b"ply": "a PLY mesh; rename it to .ply",
+    b"glTF": "a GLB mesh; rename it to .glb",
+    b"solid": "an STL mesh; rename it to .stl",
+    b"OFF": "an OFF mesh; rename it to .off",
+    b"\x89PNG": f"a PNG image; {EXPECTED}",
+    b"\xff\xd8\xff": f"a JPEG image; {EXPECTED}",
+    b"\x76\x2f\x31\x01": f"an EXR image; {EXPECTED}",
+    b"PK\x03\x04": f"a ZIP archive; {EXPECTED}",
+    b"\x1f\x8b": "compressed by gzip; unpack it",
+    b"%PDF": f"a PDF document; {EXPECTED}",
+    b"<": f"XML, such as a scene of Mitsuba; {EXPECTED}",
+}
+OBJ = re.compile(rb"(?:\s|#[^\n]*\n)*(?:(?:v|vn|vt|f)(?:\s+[-\d./]+){2,}|(?:o|g|mtllib|usemtl)\s\S)")
+PBRT = re.compile(rb"(?:\s|#[^\n]*\n)*(?:LookAt|Camera|Film|Sampler|Integrator|WorldBegin|Scale|Include)\s")
 
 
 def mistaken(data: bytes) -> str:
@@ -29,6 +45,31 @@ def mistaken(data: bytes) -> str:
     if PAGE.match(data[:100]):
         return "an HTML page; fetch the file itself"
     return ""
+
+
+def other_than_scene(data: bytes) -> str:
+    r"""Say what stands in place of a scene; "" if it may be one.
+
+    Parameters
+    ----------
+    data : bytes
+        The content of a file that is no JSON.
+
+    Examples
+    --------
+    >>> other_than_scene(b"# a cube\nv 0 0 0\nv 0 0 1\n")
+    'an OBJ mesh; rename it to .obj'
+    >>> other_than_scene(b"{]")
+    ''
+    """
+    for begin, what in FORMS.items():
+        if data.startswith(begin):
+            return what
+    if len(data) > 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
+        return FORMS[b"solid"]
+    if OBJ.match(data):
+        return "an OBJ mesh; rename it to .obj"
+    return f"a scene of pbrt; {EXPECTED}" if PBRT.match(data) else ""
 
 
 def is_utf16(data: bytes) -> bool:

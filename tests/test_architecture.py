@@ -267,5 +267,6 @@ def test_the_package_holds_only_what_the_wheel_needs():
         "py.typed",
         "scene.schema.json",
         "widget.css",
+        "page.js",
         "widget.js",
     }

@@ -9,10 +9,10 @@ from raytrace.cli.arguments import (
     one_of,
     real_number,
     render_options,
-    suggestion,
     whole_number,
     whole_numbers,
 )
+from raytrace.cli.parser import suggestion
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "1.5", "1e3", "many", "", "9" * 5000])
@@ -30,11 +30,11 @@ def test_real_number_refuses_what_is_out_of_range_or_no_number(text):
 @pytest.mark.parametrize("text", ["640", "640x", "640x0", "640x480x3", "640*480", "-1x5", "1.5x2"])
 def test_whole_numbers_refuses_a_wrong_count_a_wrong_separator_and_low_values(text):
     with pytest.raises(ArgumentTypeError, match="WxH"):
-        whole_numbers("WxH", "x", (1, 1))(text)
+        whole_numbers("WxH", "x", (1, 1), "640x480")(text)
 
 
 def test_whole_numbers_takes_either_case_of_the_separator():
-    assert whole_numbers("WxH", "x", (1, 1))("640X480") == (640, 480)
+    assert whole_numbers("WxH", "x", (1, 1), "640x480")("640X480") == (640, 480)
 
 
 def test_layers_keep_their_order_and_a_misspelt_one_gets_a_suggestion():

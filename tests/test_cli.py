@@ -14,7 +14,7 @@ from raytrace.cli import main
 from raytrace.errors import FileError, SceneError
 
 BOX = str(Path(__file__).parent.parent / "scenes" / "cornell-box.json")
-HEAVY = {"numba", "llvmlite", "numpy", "trimesh", "rich", "PIL", "OpenEXR", "skimage"}
+HEAVY = {"numba", "llvmlite", "numpy", "trimesh", "rich", "PIL", "OpenEXR", "skimage", "webbrowser", "http", "secrets"}
 
 
 class Event(NamedTuple):
@@ -149,7 +149,7 @@ def test_exposure_and_output_reach_the_file(library, capsys):
     ("words", "reason"),
     [
         ("--spp 0", "whole number from 1"),
-        ("--size 64", "WxH"),
+        ("--size 64", "expected WxH in whole numbers, such as 640x480, got '64'"),
         ("--crop 0,0,0,4", "X,Y,W,H"),
         ("--seed -1", "from 0 to 4294967295"),
         ("--precision float46", "did you mean 'float64'"),
@@ -159,7 +159,8 @@ def test_exposure_and_output_reach_the_file(library, capsys):
         ("--aov depht", "did you mean 'depth'"),
         ("--exposure bright", "number from"),
         ("--samples 4", "unrecognized arguments: --samples"),
-        ("other.json", "unrecognized arguments: other.json"),
+        ("--sppp 4", "unrecognized arguments: --sppp 4; did you mean '--spp'?"),
+        ("--sizes=4x4", "did you mean '--size'?"),
     ],
 )
 def test_a_wrong_option_says_what_was_expected(library, capsys, words, reason):
@@ -212,7 +213,7 @@ def test_json_is_one_object_without_infinities(library, capsys):
     stats = {"estimated_error": 0.002, "target_reached": None, "rays": 8, "error": None, "pass": {"camera": [0.5]}}
     stats |= {"compile_seconds": 0.0, "samples": 64}
     provenance = {"seed": 1, "spp": 16, "samples": 16}
-    assert told == {"path": "box.png", "complete": True, "stats": stats, "provenance": provenance}
+    assert told == {"scene": "box.json", "path": "box.png", "complete": True, "stats": stats, "provenance": provenance}
 
 
 def test_a_time_limit_saves_what_is_finished_and_says_so(library, capsys):

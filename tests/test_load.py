@@ -119,7 +119,7 @@ def test_a_dict_tells_no_line():
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("", "1:1: no JSON: expected a value"),
+        ("", "1:1: no JSON: the file is empty; expected a value"),
         ("[]", "1:1: expected an object, got a list of 0"),
         ("7", "1:1: expected an object, got 7"),
         ('{"a": 1,}', "1:"),
@@ -130,7 +130,9 @@ def test_a_dict_tells_no_line():
         ('{"a": "b', "1:7: no JSON: this string has no closing quote"),
         ('{"a": "\n"}', "1:8: no JSON: a line break or control character"),
         ('{"a": "\\x"}', "1:8: no JSON: unknown escape; write a backslash as two"),
-        ('{"a": 1, # x\n}', "1:10: no JSON: expected a key in double quotes"),
+        ('{"a": 1, # x\n}', "1:10: no JSON: comments begin with //, not with #"),
+        ('{"a": [1,\n]}', "2:1: no JSON: expected a value; is there a comma too many?"),
+        ("{'a': 1}", "1:2: no JSON: strings have double quotes, not single ones"),
         ('{"a": {"x": 1, "x": 2}}', '1:16: a.x: repeated key "x"; keep one'),
         ('{"a": NaN}', "1:7: a: expected a finite number, got NaN"),
         ('{"a": [1, -Infinity]}', "1:11: a[1]: expected a finite number, got -Infinity"),
@@ -139,7 +141,7 @@ def test_a_dict_tells_no_line():
         ("[" * 100_000, "1:101: nested more than 100 deep"),
         ('{"a":' * 100_000, "1:501: nested more than 100 deep"),
     ],
-    ids=range(19),
+    ids=range(21),
 )
 def test_text_that_is_no_scene_is_one_line_with_its_place(tmp_path, text, problem):
     path = write(tmp_path, text)

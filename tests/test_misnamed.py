@@ -9,7 +9,7 @@ import pytest
 import raytrace as rt
 from raytrace.cli import main
 from raytrace.errors import FileError, SceneError
-from raytrace.misnamed import is_utf16
+from raytrace.misnamed import EXPECTED, is_utf16
 from raytrace.scene.meshes.reading import read_mesh
 from scene_files import CUBE, TRIANGLE, scene, write
 
@@ -157,3 +157,45 @@ def test_of_many_missing_files_no_more_are_sought_than_reported(tmp_path, monkey
         with pytest.raises((FileError, SceneError), match="these are the first 100"):
             rt.load(write(tmp_path, scene(objects=objects, **changes)))
         assert len(looked) == 101
+
+
+# In place of a scene --------------------------------------------------------------------------------------------------
+
+
+def binary_stl():
+    return b"exported".ljust(80) + (1).to_bytes(4, "little") + bytes(50)
+
+
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        (CUBE.encode(), "an OBJ mesh; rename it to .obj"),
+        (b"# of a program\n\nmtllib a.mtl\n", "an OBJ mesh; rename it to .obj"),
+        (PLY.encode(), "a PLY mesh; rename it to .ply"),
+        (STL.encode(), "an STL mesh; rename it to .stl"),
+        (binary_stl(), "an STL mesh; rename it to .stl"),
+        (b"glTF\2\0\0\0", "a GLB mesh; rename it to .glb"),
+        (b"\x89PNG\r\n\x1a\n", f"a PNG image; {EXPECTED}"),
+        (b'<scene version="3.0.0"/>', f"XML, such as a scene of Mitsuba; {EXPECTED}"),
+        (b"# a scene\nLookAt 0 0 1  0 0 0  0 1 0\n", f"a scene of pbrt; {EXPECTED}"),
+    ],
+    ids=range(9),
+)
+def test_another_file_in_place_of_a_scene_is_named(tmp_path, capsys, content, what):
+    path = tmp_path / "a.txt"
+    path.write_bytes(content)
+    assert main.main(["check", str(path)]) == 3
+    assert capsys.readouterr().err == f"{path}: {what}\n"
+
+
+def test_a_long_run_of_blanks_is_searched_once(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_text("x" + " " * 200_000 + "\n#" * 50_000)
+    with pytest.raises(SceneError, match="no JSON: expected a value"):
+        rt.load(path)
+
+
+def test_a_scene_in_place_of_a_mesh_is_named(tmp_path):
+    write(tmp_path, scene(objects=[{"mesh": "scene.json", "material": "white"}]))
+    with pytest.raises(SceneError, match=r"not a known mesh format .*; a scene cannot be a part of another"):
+        rt.load(tmp_path / "scene.json")

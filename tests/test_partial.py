@@ -168,10 +168,12 @@ def test_the_summary_tells_compiling_from_rendering():
     last = run.Progress("rendering", 1, 1, 54_200_000, 2.0)
     image.stats["compile_seconds"] = 37.61
     (line,) = remarks(image, last, 40.05, None)
-    assert line.startswith("40.05 s (37.61 s of it compiling, 2.00 s rendering), 27.1 M rays/s, estimated error ")
+    assert line.startswith("40.05 s (37.61 s compiling, 2.00 s rendering), 27.1 M rays/s, estimated error ")
     image.stats["compile_seconds"] = 0.0
     (line,) = remarks(image, last, 2.45, None)
-    assert line.startswith("2.45 s, 27.1 M rays/s, estimated error ")
+    assert line.startswith("2.45 s (2.00 s rendering), 27.1 M rays/s, estimated error ")
+    (line,) = remarks(image, last, 2.05, None)
+    assert line.startswith("2.05 s, 27.1 M rays/s, estimated error ")
 
 
 # Signals --------------------------------------------------------------------------------------------------------------

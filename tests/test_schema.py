@@ -159,6 +159,7 @@ def test_defaults_are_those_of_the_format():
 BALL = {"center": [0, 0, 0], "radius": 1}
 SPHERE = {"material": "white", "sphere": BALL}
 UNIT = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+ROTATION = 'expected {"axis": [x, y, z], "angle": degrees}, or a list of them'
 WRONG = [
     ("camera.fov", -1.5, "expected a number > 0, got -1.5"),
     ("camera.fov", 180, "expected a number < 180, got 180"),
@@ -216,7 +217,10 @@ WRONG = [
     ("objects.0.scale", True, "expected a number or a list of 3 numbers, got true"),
     ("objects.0.rotate", {"axis": [0, 1, 0], "angle": "90"}, 'expected a number, got "90"'),
     ("objects.0.rotate", {"axis": [0, 1, 0], "angel": 90}, 'unknown key "angel"; did you mean "angle"?'),
-    ("objects.0.rotate", 4, "expected an object or a list of objects, got 4"),
+    ("objects.0.rotate", 4, f"{ROTATION}, got 4"),
+    ("objects.0.rotate", [0, 9.5, 0], f'{ROTATION}, got 3 numbers; here {{"axis": [0, 1, 0], "angle": 9.5}}'),
+    ("objects.0.rotate", [90, 0, 45], f"{ROTATION}, got 3 numbers"),
+    ("objects.0.rotate", [{"axis": [0, 1, 0], "angle": 1}, 90], f"{ROTATION}, got a list of 2"),
     ("objects.0.rotate", [{"axis": [0, 1, 0], "angle": 1}, {"axis": [0, 1, 0]}], 'missing key "angle": '),
     ("objects.0.matrix", None, "expected a list of 4 lists of 4 numbers, got null"),
     ("objects.0.matrix", [[1, 0, 0, 0]] * 3, "expected a list of 4 lists of 4 numbers, got a list of 3"),

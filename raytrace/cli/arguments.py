@@ -1,50 +1,11 @@
 """Options of the command line, and parsers of their values; an error says what was expected and what was given."""
 
-import contextlib
-import sys
-from argparse import ArgumentParser, ArgumentTypeError, BooleanOptionalAction, RawDescriptionHelpFormatter
-from collections.abc import Callable, Iterable
+from argparse import ArgumentParser, ArgumentTypeError
+from collections.abc import Callable
 from pathlib import Path
-from typing import NoReturn
 
-from raytrace.cli import streams
-from raytrace.errors import printable, shortened
+from raytrace.cli.parser import suggestion
 from raytrace.limits import LAYERS, LIGHT_LAYERS
-
-LONGEST = 1000  # most characters of a message about an argument
-
-
-class Parser(ArgumentParser):
-    """An argument parser that can print its help and errors to any stream."""
-
-    def __init__(self, program: str, about: str) -> None:
-        super().__init__(
-            prog=program, description=about, formatter_class=RawDescriptionHelpFormatter, allow_abbrev=False
-        )
-
-    def error(self, message: str) -> NoReturn:
-        """Print what is wrong, and exit with code 2."""
-        with contextlib.suppress(OSError):  # the reader is gone
-            self.print_usage(sys.stderr)
-        self.exit(2, f"{self.prog}: error: {shortened(printable(message), LONGEST)}")
-
-    def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
-        """Flush the output, such as the help, and exit."""
-        if message:
-            streams.say(message.rstrip())
-        streams.flush()
-        sys.exit(status)
-
-
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """Suggest the known word that is closest, as the end of a message; "" where none is close.
-
-    >>> suggestion("sobl", ["sobol", "stratified"])
-    "; did you mean 'sobol'?"
-    """
-    from difflib import get_close_matches
-
-    return "".join(f"; did you mean '{match}'?" for match in get_close_matches(word, list(known), 1))
 
 
 def whole_number(low: int, high: int = 2**31 - 1) -> Callable[[str], int]:
@@ -77,11 +38,11 @@ def real_number(low: float, high: float) -> Callable[[str], float]:
     return parse
 
 
-def whole_numbers(form: str, separator: str, lows: tuple[int, ...]) -> Callable[[str], tuple[int, ...]]:
+def whole_numbers(form: str, separator: str, lows: tuple[int, ...], example: str) -> Callable[[str], tuple[int, ...]]:
     """Return a parser for whole numbers with a separator between them, each with a lower bound.
 
-    >>> whole_numbers("WxH", "x", (1, 1))("640x480")
-    (640, 480)
+    >>> whole_numbers("WxH", "x", (1, 1), "640x480")("64x48")
+    (64, 48)
     """
 
     def parse(text: str) -> tuple[int, ...]:
@@ -89,28 +50,44 @@ def whole_numbers(form: str, separator: str, lows: tuple[int, ...]) -> Callable[
             values = tuple(int(part) for part in text.lower().split(separator))
         except ValueError:
             values = ()
-        if len(values) != len(lows) or any(value < low for value, low in zip(values, lows, strict=True)):
-            bounds = ", ".join(str(low) for low in lows)
-            raise ArgumentTypeError(f"expected {form}, whole numbers of at least {bounds}, got '{text}'")
+        if len(values) != len(lows):
+            raise ArgumentTypeError(f"expected {form} in whole numbers, such as {example}, got '{text}'")
+        if any(value < low for value, low in zip(values, lows, strict=True)):
+            bounds = separator.join(str(low) for low in lows)
+            raise ArgumentTypeError(f"expected {form} of at least {bounds}, such as {example}, got '{text}'")
         return values
 
     return parse
 
 
-def one_of(*known: str) -> Callable[[str], str]:
-    """Return a parser for one of several words; its error suggests the closest one."""
+SIZE = whole_numbers("WxH", "x", (1, 1), "640x480")
 
-    def parse(text: str) -> str:
-        if text not in known:
-            raise ArgumentTypeError(f"expected {', '.join(known)}, got '{text}'{suggestion(text, known)}")
+
+class one_of:
+    """A parser for one of several words, used as a function; its error suggests the closest one.
+
+    Attributes
+    ----------
+    words : tuple of str
+        What it accepts; shells complete these.
+    """
+
+    def __init__(self, *words: str) -> None:
+        self.words = words
+
+    def __call__(self, text: str) -> str:
+        """Parse a word."""
+        if text not in self.words:
+            raise ArgumentTypeError(f"expected {', '.join(self.words)}, got '{text}'{suggestion(text, self.words)}")
         return text
 
-    return parse
+
+LAYER = one_of(*LAYERS, *LIGHT_LAYERS)
 
 
 def layers(text: str) -> tuple[str, ...]:
     """Parse names of layers, separated by commas."""
-    return tuple(map(one_of(*LAYERS, *LIGHT_LAYERS), text.split(",")))
+    return tuple(map(LAYER, text.split(",")))
 
 
 def memory(text: str) -> int:
@@ -152,6 +129,18 @@ def scene_options(parser: ArgumentParser) -> None:
     _load_options(parser)
 
 
+def scenes_options(parser: ArgumentParser) -> None:
+    """Declare several scene files and the options for loading them."""
+    parser.add_argument("scenes", type=Path, nargs="+", metavar="scene", help="scene files (JSON), or mesh files")
+    _load_options(parser)
+
+
+def check_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``check``."""
+    scenes_options(parser)
+    parser.add_argument("--json", action="store_true", help="print one JSON object: all problems, each with its place")
+
+
 def _memory_option(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--max-memory", type=memory, metavar="SIZE", help="memory limit, such as 500M or 4G (default: what is free)"
@@ -166,7 +155,7 @@ def _load_options(parser: ArgumentParser) -> None:
 
 def render_options(parser: ArgumentParser) -> None:
     """Declare the options of ``render``."""
-    scene_options(parser)
+    scenes_options(parser)
     _image_options(parser)
 
 
@@ -178,11 +167,25 @@ def demo_options(parser: ArgumentParser) -> None:
 
 def _image_options(parser: ArgumentParser) -> None:
     add = parser.add_argument
-    add("-o", "--output", type=Path, metavar="FILE", help=".png, .exr or .npz (default: ./<scene>.png)")
+    add("-o", "--output", metavar="FILE", help=".png, .exr or .npz (default: ./<scene>.png); or a folder, as images/")
+    add("--format", type=one_of("png", "exr", "npz"), metavar="F", help="png, exr or npz, where -o does not say it")
+    _job_options(parser)
+    text = "render on the Dask cluster at this address, such as tcp://host:8786"
+    add("--cluster", metavar="ADDRESS", help=text)
+    text = "resume from <output>.checkpoint if it exists; otherwise create it"
+    add("--resume", action="store_true", help=text)
+    text = "of a .png: multiply radiance by 2^STOPS"
+    add("--exposure", type=real_number(-100, 100), default=0.0, metavar="STOPS", help=text)
+    add("--quiet", action="store_true", help="no progress and no messages, only errors")
+    add("--json", action="store_true", help="print one JSON object: path, seconds, statistics")
+
+
+def _job_options(parser: ArgumentParser) -> None:
+    """Declare what decides an image and its cost."""
+    add = parser.add_argument
     add("--spp", type=whole_number(1), metavar="N", help="samples per pixel (default: the scene's)")
-    size = whole_numbers("WxH", "x", (1, 1))
-    add("--size", type=size, metavar="WxH", help="image size in pixels (default: the scene's)")
-    window = whole_numbers("X,Y,W,H", ",", (0, 0, 1, 1))
+    add("--size", type=SIZE, metavar="WxH", help="image size in pixels (default: the scene's)")
+    window = whole_numbers("X,Y,W,H", ",", (0, 0, 1, 1), "0,0,64,48")
     add("--crop", type=window, metavar="X,Y,W,H", help="render only W x H pixels, from column X and row Y")
     _integrator_option(parser)
     add("--seed", type=whole_number(0, 2**32 - 1), metavar="N", help="random seed (default: the scene's)")
@@ -190,33 +193,35 @@ def _image_options(parser: ArgumentParser) -> None:
     samplers = one_of("sobol", "stratified", "independent")
     add("--sampler", type=samplers, metavar="NAME", help="sobol, stratified or independent")
     add("--threads", type=whole_number(1, 4096), metavar="N", help="number of threads (default: one per core)")
-    text = "render on the Dask cluster at this address, such as tcp://host:8786"
-    add("--cluster", metavar="ADDRESS", help=text)
     text = "stop after this time and save the image so far"
     add("--time-limit", type=real_number(1e-3, 1e9), metavar="SECONDS", help=text)
     text = "adaptive sampling to this RMSE (sRGB, 0..1), with at most --spp samples"
     add("--target-error", type=real_number(1e-6, 0.999), metavar="E", help=text)
-    text = "resume from <output>.checkpoint if it exists; otherwise create it"
-    add("--resume", action="store_true", help=text)
     text = (
         f"layers to save in an .exr or .npz: {', '.join(LAYERS)}; with integrator path also {', '.join(LIGHT_LAYERS)}"
     )
     add("--aov", type=layers, default=(), metavar="A,B", help=text)
-    text = "of a .png: multiply radiance by 2^STOPS"
-    add("--exposure", type=real_number(-100, 100), default=0.0, metavar="STOPS", help=text)
-    add("--quiet", action="store_true", help="no progress and no messages, only errors")
-    add("--json", action="store_true", help="print one JSON object: path, seconds, statistics")
 
 
 def explain_options(parser: ArgumentParser) -> None:
-    """Declare the options of ``explain``."""
-    scene_options(parser)
-    _integrator_option(parser)
+    """Declare the options of ``explain``: those of ``render`` that decide an image and its cost."""
+    scenes_options(parser)
+    _job_options(parser)
 
 
 def _integrator_option(parser: ArgumentParser) -> None:
     text = "direct: light straight from the lights; path: all the light (default: the scene's)"
     parser.add_argument("--integrator", choices=("direct", "path"), help=text)
+
+
+def view_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``view``."""
+    scene_options(parser)
+    add = parser.add_argument
+    add("--size", type=SIZE, metavar="WxH", help="image size in pixels (default: the scene's, at most 512 a side)")
+    add("--spp", type=whole_number(1), metavar="N", help="samples per pixel of the image at rest (default: 64)")
+    _integrator_option(parser)
+    add("--no-browser", action="store_true", help="print the address of the page, but open no browser")
 
 
 def warmup_options(parser: ArgumentParser) -> None:
@@ -228,31 +233,6 @@ def warmup_options(parser: ArgumentParser) -> None:
     _load_options(parser)
 
 
-def compare_options(parser: ArgumentParser) -> None:
-    """Declare the options of ``compare``; its limits are the fields of ``raytrace.image.metrics.Limits``."""
-    add = parser.add_argument
-    add("image", type=Path, help="image to compare: .exr, .npz or .png")
-    add("reference", type=Path, help="reference image")
-    limit = real_number(0, float("inf"))
-    add("--max-rmse", type=limit, metavar="X", help="root mean square error, linear radiance")
-    add("--max-rmse-srgb", type=limit, metavar="X", help="root mean square error in sRGB, clipped to 0..1")
-    add("--max-relative-mse", type=limit, metavar="X", help="mean squared error, relative to each value")
-    add("--min-ssim", type=real_number(-1, 1), metavar="X", help="structural similarity; 1 means equal")
-    add("--max-bias", type=limit, metavar="X", help="relative difference of a channel's mean")
-    add("--max-worst-tile", type=limit, metavar="X", help="error of the worst 8 x 8 tile")
-    add("--max-outliers", type=real_number(0, 1), metavar="X", help="fraction of pixels that are outliers")
-    add("--max-mrse", type=limit, metavar="X", help="mean relative squared error, as pbrt has it")
-    add("--max-flip", type=real_number(0, 1), metavar="X", help="mean FLIP, as shown on a screen; 0 means equal")
-    add("--max-hdr-flip", type=real_number(0, 1), metavar="X", help="mean HDR-FLIP, of the light itself")
-    text = "measure FLIP and HDR-FLIP, or do not (default: if flip-evaluator is installed)"
-    add("--flip", action=BooleanOptionalAction, help=text)
-    text = "fail if the images differ by more than their noise; both files must have variances (.exr, .npz)"
-    add("--z-test", action="store_true", help=text)
-    text = "of the z-test: probability that images which differ by noise only fail (default: 0.01)"
-    add("--alpha", type=real_number(1e-12, 0.5), metavar="P", help=text)
-    add("--json", action="store_true", help="print one JSON object")
-
-
 def report_options(parser: ArgumentParser) -> None:
     """Declare the options of ``report``."""
     add = parser.add_argument
@@ -262,19 +242,12 @@ def report_options(parser: ArgumentParser) -> None:
     add("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the report")
     add("--reference", type=Path, metavar="FILE", help="reference image, .exr or .npz (default: rendered, and kept)")
     add("--budget", type=real_number(1, 1e9), default=60.0, metavar="SECONDS", help="measuring time (default: 60)")
-    size = whole_numbers("WxH", "x", (1, 1))
-    add("--size", type=size, metavar="WxH", help="image size in pixels (default: the scene's)")
+    add("--size", type=SIZE, metavar="WxH", help="image size in pixels (default: the scene's)")
 
 
-def conformance_options(parser: ArgumentParser) -> None:
-    """Declare the options of ``conformance``."""
-    add = parser.add_argument
-    add("suite", type=Path, nargs="?", metavar="DIR", help="folder of the suite, to judge images of its scenes")
-    add("--images", type=Path, metavar="DIR", help="folder of the images to judge: .exr, .npz or .png")
-    text = (
-        "without --images: folder to write the suite into; with it: folder of the report (default: that of the images)"
-    )
-    add("-o", "--output", type=Path, metavar="DIR", help=text)
+def completion_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``completion``."""
+    parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="bash, zsh or fish")
 
 
 def export_options(parser: ArgumentParser) -> None:

@@ -1,11 +1,38 @@
 """The command ``compare``: numbers of two images, limits, and the z-test."""
 
-from argparse import ArgumentError, Namespace
+from argparse import ArgumentError, ArgumentParser, BooleanOptionalAction, Namespace
+from pathlib import Path
 from typing import Any
 
 import raytrace
 from raytrace.cli import streams
+from raytrace.cli.arguments import real_number
 from raytrace.errors import RaytraceError, printable
+
+
+def compare_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``compare``; its limits are the fields of ``raytrace.image.metrics.Limits``."""
+    add = parser.add_argument
+    add("image", type=Path, help="image to compare: .exr, .npz or .png")
+    add("reference", type=Path, help="reference image")
+    limit = real_number(0, float("inf"))
+    add("--max-rmse", type=limit, metavar="X", help="root mean square error, linear radiance")
+    add("--max-rmse-srgb", type=limit, metavar="X", help="root mean square error in sRGB, clipped to 0..1")
+    add("--max-relative-mse", type=limit, metavar="X", help="mean squared error, relative to each value")
+    add("--min-ssim", type=real_number(-1, 1), metavar="X", help="structural similarity; 1 means equal")
+    add("--max-bias", type=limit, metavar="X", help="relative difference of a channel's mean")
+    add("--max-worst-tile", type=limit, metavar="X", help="error of the worst 8 x 8 tile")
+    add("--max-outliers", type=real_number(0, 1), metavar="X", help="fraction of pixels that are outliers")
+    add("--max-mrse", type=limit, metavar="X", help="mean relative squared error, as pbrt has it")
+    add("--max-flip", type=real_number(0, 1), metavar="X", help="mean FLIP, as shown on a screen; 0 means equal")
+    add("--max-hdr-flip", type=real_number(0, 1), metavar="X", help="mean HDR-FLIP, of the light itself")
+    text = "measure FLIP and HDR-FLIP, or do not (default: if flip-evaluator is installed)"
+    add("--flip", action=BooleanOptionalAction, help=text)
+    text = "fail if the images differ by more than their noise; both files must have variances (.exr, .npz)"
+    add("--z-test", action="store_true", help=text)
+    text = "of the z-test: probability that images which differ by noise only fail (default: 0.01)"
+    add("--alpha", type=real_number(1e-12, 0.5), metavar="P", help=text)
+    add("--json", action="store_true", help="print one JSON object")
 
 
 def compared(args: Namespace) -> bool:

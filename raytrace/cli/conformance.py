@@ -1,9 +1,21 @@
 """The command ``conformance``."""
 
-from argparse import ArgumentError, Namespace
+from argparse import ArgumentError, ArgumentParser, Namespace
+from pathlib import Path
 
 from raytrace.cli import streams
 from raytrace.errors import printable
+
+
+def conformance_options(parser: ArgumentParser) -> None:
+    """Declare the options of ``conformance``."""
+    add = parser.add_argument
+    add("suite", type=Path, nargs="?", metavar="DIR", help="folder of the suite, to judge images of its scenes")
+    add("--images", type=Path, metavar="DIR", help="folder of the images to judge: .exr, .npz or .png")
+    text = (
+        "without --images: folder to write the suite into; with it: folder of the report (default: that of the images)"
+    )
+    add("-o", "--output", type=Path, metavar="DIR", help=text)
 
 
 def conformance(args: Namespace) -> bool:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 NOTED = 0.01  # seconds of compilation that are worth reporting
+WHOLE = 0.95  # share of the time from which rendering counts as all of it
 
 
 def checkpoint_of(path: Path, resume: bool, say: Callable[[str], None]) -> Checkpoint:
@@ -102,7 +103,11 @@ def remarks(image: Render, last: Progress | None, seconds: float, target: float 
         error = image.stats["estimated_error"]
         known = f"estimated error {error:.2g}" if error == error else "error unknown"  # NaN with one sample per pixel
         compiling = image.stats["compile_seconds"]
-        apart = f" ({compiling:.2f} s of it compiling, {last.seconds:.2f} s rendering)" if compiling >= NOTED else ""
+        parts = {"compiling": compiling} if compiling >= NOTED else {}
+        if last.seconds < WHOLE * seconds:
+            parts["rendering"] = last.seconds  # the time of the rays per second
+        words = ", ".join(f"{part:.2f} s {name}" for name, part in parts.items())
+        apart = f" ({words})" if parts else ""
         yield f"{seconds:.2f} s{apart}, {speed(last)}, {known}"
 
 

@@ -13,10 +13,13 @@ from typing import NamedTuple
 
 import raytrace
 from raytrace.cli import arguments, streams
-from raytrace.cli.terminal import ECHO, INTERRUPTED, Reporter, at_terminal, signals_interrupt
-from raytrace.errors import RaytraceError, printable, without_scene_warnings
+from raytrace.cli.comparing import compare_options, compared
+from raytrace.cli.conformance import conformance, conformance_options
+from raytrace.cli.failures import DIFFERENT, DONE, USAGE, failed
+from raytrace.cli.parser import Parser, suggestion
+from raytrace.cli.terminal import INTERRUPTED, Reporter, at_terminal, counting, signals_interrupt
+from raytrace.errors import printable, without_scene_warnings
 
-DONE, INTERNAL, USAGE, FILE, DIFFERENT = 0, 1, 2, 4, 5  # 3, an invalid scene, is SceneError.exit_code
 QUICK = {  # environment variables that skip slow steps of packages at import
     "OPENBLAS_NUM_THREADS": "1",  # NumPy would start threads for linear algebra: 0.07 s of CPU time
 }
@@ -26,8 +29,16 @@ examples:
   raytrace scenes/cornell-box.json                             writes cornell-box.png
   raytrace vase.glb                                            a mesh without a scene: .obj, .ply, .stl, ...
   raytrace scene.json -o a.exr --spp 256 --aov depth,normal    more samples; linear radiance with layers
+  raytrace render scenes/*.json -o images/                     several scenes; one image each
   raytrace explain scene.json                                  what the scene needs, and what is left out
 """
+FIRST = """\
+a first image:
+  raytrace demo                 writes demo.png
+  raytrace scene.json           writes scene.png; also .obj, .ply, .stl, .glb, ...
+"""
+MORE = "raytrace --help lists all options; raytrace COMMAND --help those of a command"
+KNOWN = "; raytrace --help lists the commands"
 
 # render ---------------------------------------------------------------------------------------------------------------
 
@@ -36,72 +47,41 @@ def _load(args: Namespace) -> "raytrace.Scene":
     return raytrace.load(args.scene, args.root, args.max_memory)
 
 
+def _render(args: Namespace) -> int:
+    from raytrace.cli.rendering import render_scenes
+
+    return render_scenes(args, _load)
+
+
 def _demo(args: Namespace) -> int:
-    args.scene = Path("demo")  # the image file is named after it
-    return _render(args, lambda _args: raytrace.demo())
+    from raytrace.cli.rendering import render_scenes
 
-
-def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _load) -> int:
-    from raytrace.image.paths import check_path
-
-    began = time.perf_counter()
-    path = check_path(args.output or f"{args.scene.stem}.png")  # before time is spent on rendering
-    if args.aov and path.suffix.lower() == ".png":
-        raise ArgumentError(None, f"--aov: a PNG file cannot contain layers; use -o {path.stem}.exr or {path.stem}.npz")
-    say = (lambda _line: None) if args.quiet else streams.say
-    with signals_interrupt(ECHO) as signals, without_scene_warnings():  # printed here, with their position in the file
-        scene = load(args)
-        from raytrace.cli.delivery import checkpoint_of, connected, deliver, nothing, path_of, remarks
-        from raytrace.scene.checks import warnings_of
-
-        for warning in warnings_of(scene, args.precision):
-            say(f"warning: {warning}")
-        with Reporter(say, bar=at_terminal() and not args.quiet) as reporter:
-            options = {key: getattr(args, key) for key in arguments.RENDER_OPTIONS}
-            options["checkpoint"] = checkpoint_of(path, args.resume, say)
-            with connected(args.cluster) as options["client"]:
-                image = raytrace.render(scene, progress=reporter, **options)
-        if not image.provenance["samples"]:
-            streams.say(nothing(image))
-            return INTERRUPTED
-        with signals.held():  # write the image
-            target = path_of(image, path)
-            written, failure = deliver(image, target, args.exposure)
-            seconds = time.perf_counter() - began
-            for line in remarks(image, reporter.last, seconds, args.target_error):
-                say(line)
-            if failure or target != path:
-                text = f"{path} exists and is not replaced; the incomplete image is in {written}"
-                streams.say(failure or printable(text))
-            if args.json:
-                outcome = {"path": str(written), "seconds": seconds, "complete": image.complete}
-                streams.out(streams.json_text(outcome | {"stats": image.stats, "provenance": image.provenance}))
-            else:
-                streams.out(printable(written))
-    return FILE if failure else INTERRUPTED if image.interrupted or signals.came else DONE
+    args.scenes = [Path("demo")]  # the image file is named after it
+    return render_scenes(args, lambda _args: raytrace.demo())
 
 
 # The other commands ---------------------------------------------------------------------------------------------------
 
 
 def _explain(args: Namespace) -> int:
-    chosen = {"integrator": args.integrator} if args.integrator else {}
-    streams.out(str(raytrace.explain(_load(args), **chosen)))
-    return DONE
+    from raytrace.cli.explaining import explain_scenes
+
+    return explain_scenes(args, _load)
 
 
 def _check(args: Namespace) -> int:
-    scene = _load(args)
-    for warning in scene.warnings:
-        streams.out(f"warning: {warning}")
-    raytrace.explain(scene)  # an error if no precision can represent the scene
-    streams.out(f"{printable(args.scene)}: ok")
-    return DONE
+    from raytrace.cli.checking import check_scenes
+
+    return check_scenes(args, _load)
+
+
+def _view(args: Namespace) -> int:
+    from raytrace.cli.viewing import view
+
+    return view(args, _load)
 
 
 def _compare(args: Namespace) -> int:
-    from raytrace.cli.comparing import compared
-
     return DONE if compared(args) else DIFFERENT
 
 
@@ -110,8 +90,8 @@ def _hard_cases(folder: Path) -> int:
     from raytrace.output_folder import check_folder
 
     check_folder(folder)
-    progress = (lambda name, k, n: streams.say(f"{k + 1}/{n} {name}")) if at_terminal() else None
-    outcome = suite.run(progress=progress)
+    with counting("hard cases") as progress:
+        outcome = suite.run(progress=progress)
     streams.out(table.text(outcome), end="\n\n")
     for path in table.write(outcome, folder):
         streams.out(printable(path))
@@ -129,7 +109,7 @@ def _report(args: Namespace) -> int:
         raise ArgumentError(None, "report: expected a scene: raytrace report scene.json -o DIR (or --hard-cases)")
     with signals_interrupt(), without_scene_warnings():  # they are printed here, with their position in the file
         scene = _load(args)
-        with Reporter(streams.say, bar=at_terminal()) as reporter:
+        with Reporter(streams.say, bar=at_terminal(), lines=not at_terminal()) as reporter:
             options = {name: getattr(args, name) for name in ("reference", "budget", "size")}
             found = report(scene, args.output, progress=reporter, **options)
     streams.out(str(found))
@@ -139,8 +119,6 @@ def _report(args: Namespace) -> int:
 
 
 def _conformance(args: Namespace) -> int:
-    from raytrace.cli.conformance import conformance
-
     return DONE if conformance(args) else DIFFERENT
 
 
@@ -162,12 +140,19 @@ def _schema(_args: Namespace) -> int:
     return DONE
 
 
+def _completion(args: Namespace) -> int:
+    from raytrace.cli.completion import script
+
+    streams.out(script(args.shell, {name: parser_of(name) for name in COMMANDS}).rstrip())
+    return DONE
+
+
 def _warmup(args: Namespace) -> int:
     from raytrace.rendering.warmup import warmup
 
     began = time.perf_counter()
     scenes = [raytrace.load(path, args.root, args.max_memory) for path in args.scenes]
-    with Reporter(streams.say, bar=at_terminal()) as reporter:
+    with Reporter(streams.say, bar=at_terminal(), lines=not at_terminal()) as reporter:
         warmup(reporter, integrator=args.integrator, scenes=scenes)
     streams.out(f"kernels ready after {time.perf_counter() - began:.1f} s")
     return DONE
@@ -193,44 +178,67 @@ class Command(NamedTuple):
 
 
 COMMANDS = {
-    "render": Command("render a scene; this word may be omitted", _render, arguments.render_options),
+    "render": Command("render scenes; this word may be omitted", _render, arguments.render_options),
     "demo": Command("render a small scene that comes with the package", _demo, arguments.demo_options),
     "explain": Command(
         "show which features a scene needs, which are left out, and why", _explain, arguments.explain_options
     ),
-    "check": Command("check a scene and its meshes without rendering", _check, arguments.scene_options),
-    "compare": Command("measure the error of an image against a reference", _compare, arguments.compare_options),
+    "check": Command("check scenes and their meshes without rendering", _check, arguments.check_options),
+    "view": Command("turn a scene or a mesh in a web browser", _view, arguments.view_options),
+    "compare": Command("measure the error of an image against a reference", _compare, compare_options),
     "report": Command("measure speed and error, or test hard rays; write a page", _report, arguments.report_options),
     "conformance": Command(
         "write scenes whose light is known, or judge a renderer's images of them",
         _conformance,
-        arguments.conformance_options,
+        conformance_options,
     ),
     "export": Command("write a scene for Mitsuba 3 or pbrt-v4", _export, arguments.export_options),
     "schema": Command("print the JSON Schema of scene files", _schema),
     "warmup": Command("compile kernels now instead of at the first render", _warmup, arguments.warmup_options),
+    "completion": Command(
+        "print a script that completes commands and options in a shell", _completion, arguments.completion_options
+    ),
     "doctor": Command("show versions, processor, cache and optional packages", _doctor),
 }
 
 
-def _parser(name: str, command: Command) -> ArgumentParser:
-    parser = arguments.Parser("raytrace" if name == "render" else f"raytrace {name}", command.about)
+def parser_of(name: str) -> ArgumentParser:
+    """Return the parser of a command."""
+    command = COMMANDS[name]
+    parser = Parser("raytrace" if name == "render" else f"raytrace {name}", command.about)
     if name == "render":
-        words = "".join(f"  {word:<13}{each.about}\n" for word, each in COMMANDS.items())
-        parser.description = f"Render a scene.\n\n{EXAMPLES}\ncommands (raytrace COMMAND --help):\n{words}"
+        parser.description = f"Render scenes.\n\n{EXAMPLES}\ncommands (raytrace COMMAND --help):\n{_words()}"
         parser.add_argument("--version", action="version", version=f"raytrace {raytrace.__version__}")
     command.options(parser)
     return parser
 
 
+def _words() -> str:
+    return "".join(f"  {word:<13}{each.about}\n" for word, each in COMMANDS.items())
+
+
+def _help(words: list[str]) -> int:
+    """Print the help of a command, or of all."""
+    name = words[0] if words else "render"
+    if name not in COMMANDS:
+        raise ArgumentError(None, f"'{name}' is no command{suggestion(name, COMMANDS) or KNOWN}")
+    streams.out(parser_of(name).format_help().rstrip())
+    return DONE
+
+
 def _run(words: list[str]) -> int:
-    first = words[0] if words and not words[0].startswith("-") else ""
+    if not words:
+        streams.say(f"usage: raytrace [COMMAND] SCENE [options]\n\n{FIRST}\ncommands:\n{_words()}\n{MORE}")
+        return USAGE
+    first = words[0] if not words[0].startswith("-") else ""
+    if first == "help":
+        return _help(words[1:])
     if first in COMMANDS:
-        return COMMANDS[first].run(_parser(first, COMMANDS[first]).parse_args(words[1:]))
-    meant = arguments.suggestion(first, COMMANDS)
-    if meant and not Path(first).suffix and not Path(first).exists():
-        raise ArgumentError(None, f"'{first}' is neither a command nor a file{meant}")
-    return COMMANDS["render"].run(_parser("render", COMMANDS["render"]).parse_args(words))
+        return COMMANDS[first].run(parser_of(first).parse_args(words[1:]))
+    if first and first == Path(first).stem and not os.path.lexists(first):  # no file has been meant
+        meant = suggestion(first, COMMANDS)
+        raise ArgumentError(None, f"'{first}' is neither a command nor a file{meant or KNOWN}")
+    return COMMANDS["render"].run(parser_of("render").parse_args(words))
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -259,25 +267,5 @@ def main(argv: list[str] | None = None) -> int:
         code = _run(sys.argv[1:] if argv is None else argv)
         streams.flush()  # an error of a full disk appears here, not at exit
         return code
-    except RaytraceError as error:
-        streams.say(str(error))
-        return error.exit_code
-    except MemoryError:  # the estimate of free memory was too high
-        streams.say("memory: not enough; use a smaller image (--size), smaller meshes, or fewer --threads")
-        return USAGE
-    except ArgumentError as error:
-        streams.say(f"raytrace: error: {printable(error)}")
-        return USAGE
-    except KeyboardInterrupt:
-        streams.say("interrupted; nothing was saved")
-        return INTERRUPTED
-    except OSError as error:
-        streams.discard(sys.stdout)
-        streams.say(printable(f"{error.filename or 'output'}: {error.strerror or error}"))
-        return FILE
-    except Exception as error:
-        if os.environ.get("RAYTRACE_DEBUG"):
-            raise
-        what = printable(f"{type(error).__name__}: {error}")
-        streams.say(f"internal failure: {what}; please report it (RAYTRACE_DEBUG=1 shows where)")
-        return INTERNAL
+    except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001, it becomes a line and an exit code
+        return failed(error)

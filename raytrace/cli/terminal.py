@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
 from typing import Any, NoReturn, Self
 
+from raytrace.cli import streams
+from raytrace.cli.progress_lines import ProgressLines
 from raytrace.files import unfinished
 from raytrace.rendering.progress import Progress, speed
 
@@ -34,12 +36,15 @@ class Reporter:
         Shows one line of text.
     bar : bool
         Show a progress bar on stderr after `BAR_AFTER` seconds.
+    lines : bool
+        Say a line per tenth of a long stage instead, for files and terminals that cannot redraw a line.
     """
 
-    def __init__(self, say: Callable[[str], None], *, bar: bool) -> None:
+    def __init__(self, say: Callable[[str], None], *, bar: bool, lines: bool = False) -> None:
         self.last: Progress | None = None  # the newest event of the rendering stage
         self._say = say
         self._wants_bar = bar
+        self._lines = ProgressLines(say) if lines else None
         self._compiling = False
         self._bar: Any = None  # a rich.progress.Progress, once it is shown
         self._shown = ""  # the stage that the bar shows
@@ -52,6 +57,8 @@ class Reporter:
             self._say("compiling kernels (first run only)")
         if event.stage == "rendering":
             self.last = event
+        if self._lines:
+            self._lines(event)
         if event.stage != "building" and self._wants_bar and (self._bar or event.seconds >= BAR_AFTER):
             self._draw(event)
 
@@ -97,6 +104,14 @@ def _bar() -> Any:
         console=Console(stderr=True),
         transient=True,
     )
+
+
+@contextlib.contextmanager
+def counting(stage: str) -> Iterator[Callable[[str, int, int], None]]:
+    """Show the progress of work that is counted; call the value of the context with a name, k, and n of k = 0 .. n."""
+    began, bar = time.monotonic(), at_terminal()
+    with Reporter(streams.say, bar=bar, lines=not bar) as reporter:
+        yield lambda _name, k, n: reporter(Progress(stage, k, n, 0, time.monotonic() - began))
 
 
 class Signals:

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from raytrace.errors import FileError, printable
 
+SUFFIXES = ".png", ".exr", ".npz"
+
 
 def check_path(path: str | os.PathLike[str]) -> Path:
     """Check that an image can be written to `path`, before rendering; nothing is created.
@@ -30,7 +32,7 @@ def check_path(path: str | os.PathLike[str]) -> Path:
 def suffix_of(path: Path) -> str:
     """Extension of an image file in lower case; a FileError for a format that is not supported here."""
     suffix = path.suffix.lower()
-    if suffix not in (".png", ".exr", ".npz"):
+    if suffix not in SUFFIXES:
         raise FileError(f"{printable(path)}: unknown image format {suffix!r}; use .png, .exr or .npz")
     if suffix == ".exr" and find_spec("OpenEXR") is None:
         raise FileError(f"{printable(path)}: EXR needs OpenEXR: pip install OpenEXR; or use .npz")

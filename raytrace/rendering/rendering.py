@@ -125,7 +125,7 @@ def render(
     """
     if not isinstance(scene, Scene):
         scene = load(scene, max_memory=max_memory)
-    target = _target_of(target_error)
+    target = target_of(target_error)
     most = adaptive.CAP if spp is None and target is not None else spp
     settings = override(scene.settings, most, size, seed, precision, sampler, integrator=integrator)
     window = window_of(settings.size, crop)
@@ -143,7 +143,7 @@ def render(
     light = light_of(layers, settings.integrator)
     job, listener = Job(scene, plan, settings, window, precision, target, first_spp, light), listener_of(progress)
     check_render(
-        _memory_of(job, layers, count),
+        memory_of(job, layers, count),
         trees_of(scene, plan, precision, needs_paths(scene, settings.integrator)),
         max_memory,
     )
@@ -159,7 +159,7 @@ def render(
     return Run(job, tiling, file, cluster, listener).run(count, limit, layers)
 
 
-def _memory_of(job: Job, layers: Sequence[str], threads: int) -> RenderSize:
+def memory_of(job: Job, layers: Sequence[str], threads: int) -> RenderSize:
     """Return what the memory of a render depends on."""
     pixels, spp = job.window.width * job.window.height, job.settings.spp
     batch = min(threads, -(-pixels * spp // BATCH)) * BATCH
@@ -268,7 +268,7 @@ def seconds_of(time_limit: float | None) -> float:
     return time_limit
 
 
-def _target_of(target_error: float | None) -> float | None:
+def target_of(target_error: float | None) -> float | None:
     """Return the target error, checked."""
     if target_error is not None and not 0 < target_error < 1:
         raise OptionError(f"target_error: expected an RMSE in sRGB, above 0 and below 1, got {target_error!r}")

@@ -102,7 +102,8 @@ def locate(path: Path) -> None:
     check_file(path, "a mesh file")
     if format_of(path) not in FORMATS + OTHERS:
         known = ", ".join(FORMATS + OTHERS)
-        raise SceneError([f"{path}: not a known mesh format (known: {known}, plain or with .gz)"])
+        scene = "; a scene cannot be a part of another" if format_of(path) == ".json" else ""
+        raise SceneError([f"{path}: not a known mesh format (known: {known}, plain or with .gz){scene}"])
     if path.stat().st_size > MAX_MESH:
         raise FileError(f"{path}: more than {MAX_MESH} bytes; split it or simplify it")
 

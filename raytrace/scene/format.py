@@ -15,7 +15,15 @@ from typing import Any, NamedTuple
 from raytrace.scene import schema_text
 from raytrace.scene.positions import Path
 from raytrace.scene.problems import MAX_PROBLEMS, Problem, listed, nearest, quote, unknown_key, unknown_name
-from raytrace.scene.rules import check_film, check_matrix, list_rotations, material_name, scale_factors
+from raytrace.scene.rules import (
+    MEANT,
+    check_film,
+    check_matrix,
+    list_rotations,
+    material_name,
+    rotation_fault,
+    scale_factors,
+)
 
 Schema = dict[str, Any]
 
@@ -27,17 +35,6 @@ JSON_TYPES: dict[str, tuple[type, ...]] = {
     "array": (list,),
     "object": (dict,),
     "null": (type(None),),
-}
-LAMP = '; an area light is an object whose diffuse material has "emission"'
-MEANT = {  # types that people expect, and what they are here
-    "glass": '; real glass is "dielectric"',
-    "metal": '; a metal is "conductor"',
-    "area": LAMP,
-    "emissive": LAMP,
-    "emitter": LAMP,
-    "light": LAMP,
-    "constant": '; light from everywhere is "environment"',
-    "distant": '; parallel light is "directional"',
 }
 EXPECTED = {  # what a message calls each type
     "number": "a number",
@@ -182,6 +179,9 @@ class _Reader:
     def _by_json_type(self, schema: Schema, value: Any, path: Path) -> Any:
         """Read a value that may have one of several JSON types."""
         options = [self._resolve(option) for option in schema["anyOf"]]
+        if path[-1:] == ("rotate",) and (fault := rotation_fault(value)):
+            self._report(path, fault)
+            return None
         for option in options:
             if _has_type(option, value):
                 return self.read(option, value, path)

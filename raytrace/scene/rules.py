@@ -5,6 +5,19 @@ from typing import Any
 
 from raytrace.limits import MAX_PIXELS, MAX_SIDE
 from raytrace.scene.attributes import FROM_FILE
+from raytrace.scene.problems import quote
+
+LAMP = '; an area light is an object whose diffuse material has "emission"'
+MEANT = {  # types that people expect, and what they are here
+    "glass": '; real glass is "dielectric"',
+    "metal": '; a metal is "conductor"',
+    "area": LAMP,
+    "emissive": LAMP,
+    "emitter": LAMP,
+    "light": LAMP,
+    "constant": '; light from everywhere is "environment"',
+    "distant": '; parallel light is "directional"',
+}
 
 Row = tuple[float, float, float, float]
 Factors = tuple[float, float, float]
@@ -32,6 +45,27 @@ def list_rotations(rotate: Any) -> list[Any]:
     if rotate is None:
         return []
     return rotate if isinstance(rotate, list) else [rotate]
+
+
+def rotation_fault(rotate: Any) -> str:
+    """Say what form rotations have, where numbers stand in their place; "" for objects.
+
+    Examples
+    --------
+    >>> rotation_fault([90, 0, 0]).partition("; ")[2]
+    'here {"axis": [1, 0, 0], "angle": 90}'
+    """
+    entries = rotate if isinstance(rotate, list) else [rotate]
+    if rotate is None or all(isinstance(entry, dict) for entry in entries):
+        return ""
+    got, example = quote(rotate), ""
+    if isinstance(rotate, list) and all(type(entry) in (int, float) for entry in rotate):
+        got = f"{len(rotate)} numbers"
+        turned = [axis for axis, angle in enumerate(rotate) if angle]
+        if len(rotate) == 3 and len(turned) == 1:  # the order of several is not known
+            axis = [int(axis == turned[0]) for axis in range(3)]
+            example = f'; here {{"axis": {axis}, "angle": {rotate[turned[0]]}}}'
+    return f'expected {{"axis": [x, y, z], "angle": degrees}}, or a list of them, got {got}{example}'
 
 
 def material_name(material: Any) -> Any:

@@ -11,19 +11,21 @@ from typing import Any, NoReturn
 from raytrace.errors import FileError, FileMemoryError, SceneError, printable, shortened
 from raytrace.files import open_regular
 from raytrace.limits import MAX_SCENE
-from raytrace.misnamed import ENCODED, is_utf16, mistaken
+from raytrace.misnamed import ENCODED, is_utf16, mistaken, other_than_scene
 from raytrace.scene import positions
 from raytrace.scene.comments import without_comments
 from raytrace.scene.meshes.given import take_meshes
+from raytrace.scene.problem_lines import problem_line
 from raytrace.scene.problems import MAX_PROBLEMS, Problem, no_such_file, quote
 
 MAX_NESTING = 100  # the format itself needs 5
 TOO_DEEP = f"nested more than {MAX_NESTING} deep; no part of a scene is"
 MAX_TEXT = 500  # characters of the message of a problem
 LFS = b"version https://git-lfs.github.com/spec/"  # the beginning of a pointer file
+SCENE_BEGINS = (b"{", b"/", b"[", b"")  # of a scene that may be valid, in most cases
 MAX_DIGITS = 300  # of integers; the largest float64 has 309
 SYNTAX = {  # message of the json module -> our message
-    "Expecting value": "expected a value; is there a comma too many?",
+    "Expecting value": "expected a value",
     "Expecting property name enclosed in double quotes": 'expected a key in double quotes; no comma before "}"',
     "Expecting ',' delimiter": "expected a comma or the closing bracket",
     "Expecting ':' delimiter": "expected a colon after the key",
@@ -108,19 +110,19 @@ class Text:
         lines = self.lines(problems[:MAX_PROBLEMS], origins)
         if len(problems) > MAX_PROBLEMS:
             lines.append(self._more())
-        if all(problem.lacks_memory for problem in problems):
-            return FileMemoryError("\n".join(lines))
-        if all(problem.unreadable for problem in problems):
-            return FileError("\n".join(lines))
-        return SceneError(lines)
+        if not all(problem.unreadable for problem in problems):
+            return SceneError(lines)
+        memory = all(problem.lacks_memory for problem in problems)
+        error = FileMemoryError("\n".join(lines)) if memory else FileError("\n".join(lines))
+        error.problems = lines
+        return error
 
     def _more(self) -> str:
         return f"{self.name}: and more: these are the first {MAX_PROBLEMS}"
 
     def _line(self, where: positions.Positions, offset: int, path: positions.Path, text: str) -> str:
-        place = ":".join(map(str, (self.name, *where.line_column(offset)))) if self.in_file else self.name
-        parts = place, shortened(positions.show(path), 200), shortened(text, MAX_TEXT)
-        return printable(": ".join(part for part in parts if part))
+        position = where.line_column(offset) if self.in_file else None
+        return problem_line(self.name, position, shortened(positions.show(path), 200), shortened(text, MAX_TEXT))
 
     def refuse(self, offset: int, text: str) -> NoReturn:
         """Raise the error of one problem at an offset."""
@@ -172,7 +174,7 @@ class Text:
                 self.text, object_pairs_hook=join, parse_float=number, parse_int=number, parse_constant=number
             )
         except json.JSONDecodeError as error:
-            self.refuse(error.pos, f"no JSON: {SYNTAX.get(error.msg, error.msg)}")
+            self.refuse(error.pos, f"no JSON: {_syntax(self.text, error)}")
         except RecursionError:
             self.refuse(positions.too_deep(self.text, MAX_NESTING), TOO_DEEP)
         if doubtful:
@@ -184,11 +186,26 @@ class Text:
         return data
 
 
+def _syntax(text: str, error: json.JSONDecodeError) -> str:
+    """Say what is wrong with a text that is not JSON."""
+    found, before = text[error.pos : error.pos + 1], text[: error.pos].rstrip()
+    if not text.strip():
+        return "the file is empty; expected a value"
+    if found == "#":
+        return "comments begin with //, not with #"
+    if found == "'":
+        return "strings have double quotes, not single ones"
+    hint = "; is there a comma too many?" if error.msg == "Expecting value" and before.endswith(",") else ""
+    return SYNTAX.get(error.msg, error.msg) + hint
+
+
 def _decode(name: str, data: bytes) -> str:
     if is_utf16(data):
         raise SceneError([f"{name}:1:1: not UTF-8 but {ENCODED}"])
     if text := mistaken(data):
         raise FileError(f"{name}: {text}")
+    if data.lstrip()[:1] not in SCENE_BEGINS and (text := other_than_scene(data)):
+        raise SceneError([f"{name}: {text}"])
     try:
         return data.decode("utf-8-sig")  # some editors write a byte order mark first
     except UnicodeDecodeError as error:
