@@ -88,19 +88,35 @@ def test_code_fits_the_page(notebook):
     assert not [line for cell in code for line in cell.splitlines() if len(line) > COLUMNS]
 
 
-def test_a_check_reports_and_does_not_stop_the_notebook():
+def test_a_check_reports_where_and_what_and_does_not_stop_the_notebook():
     program = """
 import course
 with course.check("a"): raise NotImplementedError
 with course.check("b"): assert 1 == 2, "one is not two"
 with course.check("c"): 1 / 0
 with course.check("d"): pass
+def answer(x):
+    return x / 0
+with course.check("e"):
+    answer(1)
 assert list(course.RESULTS.values()) == [
-    "yours to do", "not yet: one is not two", "not yet: ZeroDivisionError: division by zero", "solved"]
+    "yours to do", "not yet: one is not two",
+    "not yet: ZeroDivisionError: division by zero (in line 5 of the check). "
+    "Is what your function returns of the right type and shape?",
+    "solved", "not yet: ZeroDivisionError: division by zero (in line 8 of the cell, in answer)"]
+print("one number:", [course.np.float64(0.5)])
+ones = course.np.ones(5)
+print(course.factor_hint(3.1416 * ones, ones) + course.factor_hint(ones / 3.1416, ones) + course.factor_hint(3 * ones, ones))
 """
     here = {"PYTHONPATH": os.pathsep.join([str(ROOT), str(FOLDER)]), "PYTHONIOENCODING": "utf-8"}
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, encoding="utf-8", timeout=600, env=os.environ | here
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-1] == "✓ exercise d: solved"
+    *_, number, hint = done.stdout.splitlines()
+    assert "✓ exercise d: solved" in done.stdout
+    assert number == "one number: [0.5]"
+    assert hint == (
+        "; yours is π times too large; is there a division by π missing?"
+        "; yours is too small by a factor of π; is there a division by π too many?"
+    )
