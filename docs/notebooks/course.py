@@ -63,7 +63,9 @@ def _place(problem: Exception) -> str:
     line = (last.line or linecache.getline(last.filename, last.lineno or 0)).strip()
     code = f": {line}" if line else ""
     if last.name == "<module>":  # no function of the student is under way: its answer cannot be used
-        return f" (in line {last.lineno} of the check{code}). Is what your function returns of the right type and shape?"
+        return (
+            f" (in line {last.lineno} of the check{code}). Is what your function returns of the right type and shape?"
+        )
     return f" (in line {last.lineno} of the cell, in {last.name}{code})"
 
 

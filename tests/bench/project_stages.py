@@ -189,6 +189,7 @@ def image_of(scene: Any, stage: int, spp: int) -> Any:
 def main() -> int:
     arguments = parser(__doc__ or "")
     arguments.add_argument("--stages", type=int, nargs="+", default=list(range(1, 9)))
+    arguments.add_argument("--scenes", nargs="+", default=[], help="only these (all)")
     arguments.add_argument("--spp", type=int, default=64, help="most samples per pixel (%(default)s)")
     args = arguments.parse_args()
     found, rows = begin(), []
@@ -200,17 +201,18 @@ def main() -> int:
             images = Path(name) / f"stage-{stage}"
             images.mkdir()
             for scene_name, (scene, samples) in scenes.items():
-                if needs(scene) <= stage:
+                if needs(scene) <= stage and (not args.scenes or scene_name in args.scenes):
                     save(images / f"{scene_name}.npz", image_of(scene, stage, min(args.spp, samples)))
             for verdict in judge(suite, images).scenes:
                 first = needs(scenes[verdict.name][0])
-                if first <= stage:
+                if first <= stage and verdict.verdict != "not rendered":
                     rows.append({"stage": stage, "scene": verdict.name, "needs": first, "verdict": verdict.verdict})
             mine = [row for row in rows if row["stage"] == stage]
-            new = [f"{row['scene']} {row['verdict']}" for row in mine if row["needs"] == stage]
             passed = sum(row["verdict"] == "passes" for row in mine)
-            show(f"stage {stage}: {passed} of {len(mine)} pass; new: {', '.join(new)}")
-            show(f"         others that do not pass: {[r['scene'] for r in mine if r['verdict'] != 'passes']}")
+            show(f"stage {stage}: {passed} of {len(mine)} pass")
+            for row in mine:
+                if row["needs"] == stage or row["verdict"] != "passes":
+                    show(f"    {row['scene']}: {row['verdict']}")
     finish(args, found, {"rows": rows})
     return 0
 
