@@ -82,6 +82,24 @@ def test_a_notebook_begins_with_its_goals_duration_and_prerequisites(notebook):
     assert found == ["Goals", "Duration", "Prerequisites", "Figures"]
 
 
+def test_the_page_of_figures_shows_what_the_notebooks_say_and_every_figure(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "docs" / "pictures")
+    monkeypatch.delitem(sys.modules, "notebooks", raising=False)
+    import notebooks
+
+    text = (FOLDER / "figures.md").read_text("utf-8")
+    assert text == notebooks.page(), "out of date: run python docs/pictures/notebooks.py"
+    files = sorted((ROOT / "docs" / "pictures" / "notebooks").iterdir())
+    assert re.findall(r"\(\.\./pictures/notebooks/([\w.-]+)\)", text) == [path.name for path in files]
+    assert {path.name[:2] for path in files} == {name[:2] for name in NOTEBOOKS}
+    assert sum(path.stat().st_size for path in files) < 2e6
+    for path in files:
+        cell = notebooks.cells(next(name for name in NOTEBOOKS if name[:2] == path.name[:2]))[int(path.name[3:5])][1]
+        assert re.search(r"show\(|row\(|rt\.show|render\(|microscope\(|draw|variances\(|compare\(|image$", cell), (
+            path.name
+        )
+
+
 @pytest.mark.parametrize("notebook", NOTEBOOKS)
 def test_code_fits_the_page(notebook):
     code = cells_of(notebook) + [answer for pair in answers_of(notebook).values() for answer in pair]
@@ -106,7 +124,7 @@ assert list(course.RESULTS.values()) == [
     "solved", "not yet: ZeroDivisionError: division by zero (in line 8 of the cell, in answer)"]
 print("one number:", [course.np.float64(0.5)])
 ones = course.np.ones(5)
-print(course.factor_hint(3.1416 * ones, ones) + course.factor_hint(ones / 3.1416, ones) + course.factor_hint(3 * ones, ones))
+print(*(course.factor_hint(factor * ones, ones) for factor in (3.1416, 1 / 3.1416, 3)), sep="")
 """
     here = {"PYTHONPATH": os.pathsep.join([str(ROOT), str(FOLDER)]), "PYTHONIOENCODING": "utf-8"}
     done = subprocess.run(

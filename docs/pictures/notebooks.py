@@ -1,9 +1,9 @@
 """Make the figures of the course, and the page that shows them: ``python docs/pictures/notebooks.py``.
 
-It runs the notebooks as they stand (three minutes; needs ``pip install ".[notebook]"``), saves what their cells show below
-``docs/pictures/notebooks/``, and writes ``docs/notebooks/figures.md``. With names of notebooks it runs only these, as in
-``python docs/pictures/notebooks.py 05-sampling-and-error``; with ``--page`` it runs none, and writes the page alone.
-A figure has the name of its notebook and the number of its code cell, so that tests notice a page that is out of date.
+It runs the notebooks as they stand (some minutes; needs ``pip install ".[notebook]"``), saves what their cells show
+below ``docs/pictures/notebooks/``, and writes ``docs/notebooks/figures.md``. With names of notebooks it runs only
+these, as in ``python docs/pictures/notebooks.py 05-sampling-and-error``; with ``--page`` it runs none, and writes the
+page alone. A figure is named after its notebook and its code cell, so that tests notice a page that is out of date.
 """
 
 import ast
@@ -23,8 +23,8 @@ COLOURS, DPI, WIDEST = 96, 75, 800
 
 HEAD = """# Figures of the course
 
-What the cells of the notebooks show, so that you can see it without running anything. `python docs/pictures/notebooks.py` made this page.
-Times and noise depend on the machine; nothing else does.
+What the cells of the notebooks show, so that you can see it without running anything. Exercises are still to do here,
+so their figures are missing. `python docs/pictures/notebooks.py` made this page; speeds are those of a busy machine.
 """
 
 
@@ -55,9 +55,7 @@ def save(png: bytes, path: Path) -> None:
 
 def run(name: str) -> None:
     """Run a notebook in this process, and save its figures."""
-    import matplotlib
-
-    matplotlib.use("Agg")
+    os.environ["MPLBACKEND"] = "Agg"
     import matplotlib.pyplot as plt
 
     shown: list[bytes] = []
@@ -91,10 +89,11 @@ def run(name: str) -> None:
             save(png, FOLDER / f"{name[:2]}-{number:02}{'abcdefgh'[k]}.png")
 
 
-def caption(text: str) -> str:
-    """The last paragraph of the text before a figure, if it is one."""
+def caption(texts: list[str]) -> str:
+    """The last paragraph before a figure, if it is one; between cells that follow each other there is no text."""
+    text = next((text for text in reversed(texts) if text.strip()), "")
     paragraphs = [part.strip() for part in text.split("\n\n") if part.strip()]
-    if not paragraphs or paragraphs[-1].startswith(("#", "$$", "- ", "```")):
+    if not paragraphs or paragraphs[-1].startswith(("#", "$$", "- ", "```", "    ")):
         return ""
     return " ".join(paragraphs[-1].split())
 
@@ -105,8 +104,9 @@ def page() -> str:
     for name in names():
         text = (COURSE / f"{name}.md").read_text("utf-8")
         parts.append(f"## {re.findall('^# (.*)$', text, re.MULTILINE)[0]}\n\n[The notebook]({name}.md).\n")
-        section = of_last = ""
-        for number, (before, _) in enumerate(cells(name)):
+        section = of_last = said = ""
+        texts = [before for before, _ in cells(name)]
+        for number, before in enumerate(texts):
             for heading in re.findall(r"^##+ (.*)$", before, re.MULTILINE):
                 section = heading
             files = sorted(FOLDER.glob(f"{name[:2]}-{number:02}?.png"))
@@ -115,8 +115,10 @@ def page() -> str:
             if section != of_last:
                 parts.append(f"**{section}**\n")
                 of_last = section
-            if caption(before):
-                parts.append(f"{caption(before)}\n")
+            words = caption(texts[: number + 1])
+            if words and words != said:
+                parts.append(f"{words}\n")
+                said = words
             alt = section or "At the beginning"
             parts += [f"![{alt.replace('$', '')}](../pictures/notebooks/{path.name})\n" for path in files]
     return "\n".join(parts)

@@ -38,7 +38,6 @@ def needs(scene: Any) -> int:
     """The first stage that has all that a scene needs; 9: none has."""
     kinds = set(scene.materials.kind[scene.mesh.material_id].tolist())
     lights = scene.lights
-    lamps = scene.materials.emission is not None
     if kinds - {DIFFUSE, MIRROR, DIELECTRIC} or lights.image is not None or scene.textures is not None:
         return 9
     if scene.camera.aperture > 0 or len(scene.mesh.faces) > MOST_TRIANGLES:
