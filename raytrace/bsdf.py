@@ -4,6 +4,8 @@ Directions are rows (n, 3) that point away from the surface: ``wo`` to the viewe
 normal, and the front. They may have any length but 0. All is computed in float64.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -5,6 +5,8 @@ bit-identical, Numba compiles only the call, and ``nogil``, ``parallel`` and ``c
 ``NUMBA_DISABLE_JIT=1``, they give the same results.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -122,7 +124,7 @@ def _flat(value: Any) -> Iterator[int]:
 
 def closest_hit(
     scene: Handle, origin: ArrayLike, direction: ArrayLike, tmin: ArrayLike = 0.0, tmax: ArrayLike = np.inf
-) -> Any:
+) -> tuple[Any, Any, Any, Any]:  # four numbers, or four arrays
     """Return the nearest hit of one ray, or of each of n rays; call it in code that you compile with Numba.
 
     Parameters
@@ -154,15 +156,16 @@ def closest_hit(
     (1.0, 0)
     """
     rays, n, one = _rays(scene, origin, direction, tmin, tmax)
-    t, u, v = np.empty((3, n), rays.o.data.dtype)
-    hits = Hits(t, np.empty(n, np.int32), u, v)
+    columns = np.empty((3, n), rays.o.data.dtype)
+    hits = Hits(columns[0], np.empty(n, np.int32), columns[1], columns[2])
     query.closest_hit(_tree(scene), rays, hits, n, _work(scene))
-    return tuple(column[0] for column in hits) if one else tuple(hits)
+    t, prim_id, u, v = (column[0] for column in hits) if one else hits
+    return t, prim_id, u, v
 
 
 def any_hit(
     scene: Handle, origin: ArrayLike, direction: ArrayLike, tmin: ArrayLike = 0.0, tmax: ArrayLike = np.inf
-) -> Any:
+) -> Any:  # a bool, or an array
     """Return whether one ray, or each of n rays, hits anything; the parameters are those of ``closest_hit``.
 
     Returns

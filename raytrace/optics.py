@@ -1,5 +1,7 @@
 """Reflection, refraction and the start of the next ray, for arrays of any float type."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

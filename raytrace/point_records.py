@@ -1,11 +1,16 @@
 """The record that queries about points return. Its comments are like those of ``records``; f is float32 or float64."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.record_display import displayed
 
+
+@displayed
 class ClosestPoint(NamedTuple):
     """Closest points of a mesh, one row per query point: p = (1 - u - v) v0 + u v1 + v v2, but for rounding."""
 

@@ -1,5 +1,7 @@
 """Records that modules share. Comments give shape, dtype, unit and meaning of each field; f is float32 or float64."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -8,6 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.record_display import displayed
+from raytrace.scene.display import SceneDisplay
 from raytrace.scene.fingerprint import fingerprint
 from raytrace.texture_records import EnvironmentImage, FileMaterial, Textures
 
@@ -119,8 +123,8 @@ class Settings(NamedTuple):
     filter: str = "box"  # of the film: "box", "tent" or "gaussian"
 
 
-@dataclass(frozen=True, eq=False)
-class Scene:
+@dataclass(frozen=True, eq=False, repr=False)
+class Scene(SceneDisplay):
     """A valid scene: ``rt.load`` returns it, and ``rt.render`` renders it."""
 
     source: Path | None  # its file; None for a dict
@@ -134,7 +138,7 @@ class Scene:
     objects: tuple[str, ...]  # a short name per object, for messages
     warnings: tuple[str, ...]  # about valid but probably unintended content, one line each
     textures: Textures | None = None  # of the materials that objects have; None: there are none
-    uv_source: "UvSource | None" = None  # reads uv that no material needs; None: there are none but those of the mesh
+    uv_source: UvSource | None = None  # reads uv that no material needs; None: there are none but those of the mesh
 
     sha256 = cached_property(fingerprint)  # computed on first use; a scene from ``dataclasses.replace`` has its own
 
@@ -287,3 +291,7 @@ class Window(NamedTuple):
     y: int  # pixels: top row
     width: int
     height: int
+
+
+for _record in (Camera, Materials, Spots, Directions, Lights, RawMesh, Mesh, Hits, AllHits, Surface):
+    displayed(_record)  # short in notebooks and in help

@@ -155,3 +155,19 @@ def test_the_plugin_is_light():
 def test_the_entry_point_names_the_plugin():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     assert project["entry-points"]["pytest11"] == {"raytrace-golden": "raytrace.golden.plugin"}
+
+
+def test_the_plugin_works_where_the_renderer_s_packages_are_missing(project, tmp_path):
+    packages = {"numba", "llvmlite", "trimesh", "rich", "platformdirs", "mapbox_earcut", "psutil"}
+    hook = f"def pytest_configure():\n    sys.modules |= dict.fromkeys({packages})\n"  # then their imports fail
+    (tmp_path / "missing.py").write_text(f"import sys\n{hook}")
+    missing, folder = ("-p", "missing", "-p", "raytrace.golden.plugin"), "python_files = test_*.py\npythonpath = ."
+    output, code = project("--update-goldens", plugin=missing, ini=folder)
+    assert code == 0, output
+    output, code = project(scale=1.1, plugin=missing, ini=folder)  # with a page, causes and an index
+    assert code == 1
+    assert "5 failed" in output
+    assert (tmp_path / "golden-failures" / "index.html").exists()
+    done = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
+    needed = {re.split(r"[^\w-]", text)[0].replace("-", "_") for text in done} - packages
+    assert needed == {"numpy", "pillow"}  # docs/goldens.md names these; scikit-image brings them

@@ -1,5 +1,7 @@
 """``BVH``: the public class: a mesh, its tree, and statistics; its queries about rays are in ``ray_queries``."""
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -61,7 +63,7 @@ class BVH(PointQueries):
     Hits(t=array([0.5], dtype=float32), prim_id=array([0], dtype=int32), u=array([0.25], dtype=float32), v=array([0.25], dtype=float32))
     """  # noqa: E501
 
-    _as_built: "Built | None" = None  # what ``refit`` keeps of the tree
+    _as_built: Built | None = None  # what ``refit`` keeps of the tree
 
     def __init__(
         self,

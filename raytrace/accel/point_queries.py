@@ -1,5 +1,7 @@
 """``PointQueries``: the queries of ``BVH`` about points."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,5 +1,7 @@
 """``RayQueries``: the queries of ``BVH`` about rays; they check their arguments and run on several threads."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

@@ -4,6 +4,8 @@ trimesh has two classes of this name, in ``trimesh.ray.ray_triangle`` and in ``t
 the methods and arguments of both. It does not import trimesh.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np
@@ -215,10 +217,10 @@ class RayMeshIntersector:
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_built": None}  # as trimesh's: a copy builds its own tree
 
-    def __copy__(self) -> "RayMeshIntersector":
+    def __copy__(self) -> RayMeshIntersector:
         return RayMeshIntersector(self.mesh, self._scale_to_box, self.precision, self.threads)
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> "RayMeshIntersector":
+    def __deepcopy__(self, memo: dict[int, Any]) -> RayMeshIntersector:
         return self.__copy__()
 
 

@@ -1,5 +1,7 @@
 """``Golden``: the object that the fixture returns; it compares images with golden images."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NoReturn

@@ -1,5 +1,7 @@
 """The pytest plugin: options and the fixture ``golden``. Large packages are imported only for a check."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -50,7 +52,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 @pytest.fixture
-def raytrace_golden(request: pytest.FixtureRequest) -> Iterator["Golden"]:
+def raytrace_golden(request: pytest.FixtureRequest) -> Iterator[Golden]:
     """Compare images with golden images: ``golden.check(image, "name")``."""
     if find_spec("skimage") is None:
         pytest.fail("the fixture golden needs scikit-image: pip install scikit-image", pytrace=False)
@@ -97,7 +99,7 @@ class _ShortName:
     """A plugin with one fixture."""
 
     @pytest.fixture
-    def golden(self, raytrace_golden: "Golden") -> "Golden":
+    def golden(self, raytrace_golden: Golden) -> Golden:
         """Compare images with golden images: ``golden.check(image, "name")``."""
         return raytrace_golden
 

@@ -1,5 +1,7 @@
 """Compare an image with a reference: error measures in linear light and in sRGB."""
 
+from __future__ import annotations
+
 import math
 import os
 from typing import Any, NamedTuple
@@ -9,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from raytrace.errors import RaytraceError
 from raytrace.image import flip as flip_metric
+from raytrace.image.comparison import Comparison
 from raytrace.image.files import LUMINANCE, load, srgb_encode
 
 RELATIVE_EPS = 0.01  # radiance^2, keeps black pixels finite in relative_mse: the eps of [Gharbi2019], there with a half
@@ -20,28 +23,6 @@ OUTLIER = (
 ROUNDING = 1e-4  # relative to the pixel plus the mean: differences below this come from rounding
 DIFFERENCE_QUANTILE = 0.995  # share of the differing pixels within the colour scale of a difference map
 SSIM_RADIUS = 5  # pixels: the 11 x 11 Gaussian window of [Wang2004], sigma 1.5
-
-
-class Comparison(NamedTuple):
-    """Errors of an image a against a reference b, both in linear light; n values, L the mean |luminance| of b.
-
-    A pixel that is not finite in a or b is counted in `non_finite`, and is equal for all other fields. If no pixel is
-    finite, all other fields are NaN. The ratio 0 / 0 is 0, and x / 0 is inf.
-    """
-
-    rmse: float  # radiance: sqrt(sum((a - b)^2) / n)
-    rmse_srgb: float  # the same for sRGB codes in 0..1, with a and b clipped to 0..1; see `screen`
-    relative_mse: float  # sum((a - b)^2 / (b^2 + RELATIVE_EPS)) / n
-    bias: tuple[float, float, float]  # radiance, per channel: mean(a) - mean(b)
-    relative_bias: tuple[float, float, float]  # per channel: (mean(a) - mean(b)) / mean(b)
-    ssim: float  # structural similarity of the sRGB codes clipped to 0..1: -1..1, 1 if equal; see `ssim`
-    worst_tile: float  # largest |mean of a - b over a tile| of all 8 x 8 tiles and channels, / L; see `worst_tile`
-    worst_tile_at: tuple[int, int]  # row and column of the first pixel of that tile
-    outliers: float  # share of pixels with |a - b| > OUTLIER (|b| + L) in any channel
-    non_finite: int  # pixels with NaN or inf in a or in b
-    mrse: float  # mean relative squared error: sum((a - b)^2 / (|b| + MRSE_OFFSET)^2) / n
-    flip: float | None = None  # mean LDR-FLIP, 0..1, of the sRGB codes clipped to 0..1; None: not measured
-    hdr_flip: float | None = None  # mean HDR-FLIP, 0..1, of the light from 0 on; None: not measured
 
 
 class Limits(NamedTuple):

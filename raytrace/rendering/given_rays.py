@@ -1,5 +1,7 @@
 """``radiance``: light along given rays, by the passes of path tracing, without a camera."""
 
+from __future__ import annotations
+
 import threading
 from pathlib import Path
 from typing import Any, NamedTuple

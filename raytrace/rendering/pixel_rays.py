@@ -1,5 +1,7 @@
 """``camera_rays``: the rays through the pixel centres of a camera, for programs that trace them on their own."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

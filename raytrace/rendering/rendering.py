@@ -1,5 +1,7 @@
 """``render``: checks the caller's options, and starts a run."""
 
+from __future__ import annotations
+
 import operator
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -50,7 +52,7 @@ def render(
     target_error: float | None = None,
     max_memory: int | None = None,
     checkpoint: str | Path | Checkpoint | None = None,
-    client: "Client | None" = None,
+    client: Client | None = None,
 ) -> Render:
     """Render a scene.
 
@@ -167,7 +169,7 @@ def memory_of(job: Job, layers: Sequence[str], threads: int) -> RenderSize:
     return RenderSize(pixels, traced, job.target is not None, min(spp, BINS), batch, job.light)
 
 
-def _cluster_of(client: "Client", job: Job, threads: int | None) -> "Cluster":
+def _cluster_of(client: Client, job: Job, threads: int | None) -> Cluster:
     from raytrace.rendering.cluster import Cluster
 
     if threads is not None:

@@ -1,5 +1,7 @@
 """``Render``: an image, its error, its layers, and its provenance."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -113,7 +115,7 @@ class Render:
     provenance: dict[str, Any]
     complete: bool
     interrupted: bool
-    checkpoint: "Checkpoint | None" = None
+    checkpoint: Checkpoint | None = None
 
     def save(self, path: str | Path, exposure: float = 0.0) -> Path:
         """Write the image as PNG (sRGB), EXR (linear, with layers) or NPZ (arrays), depending on the file extension.

@@ -1,5 +1,7 @@
 """``report``: measure speed against error on one scene, analyse it, and write the results."""
 
+from __future__ import annotations
+
 import json
 import math
 import time

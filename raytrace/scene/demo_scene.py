@@ -1,5 +1,7 @@
 """The demo: a small scene that comes with the package."""
 
+from __future__ import annotations
+
 import json
 from contextlib import ExitStack
 from importlib.resources import as_file, files

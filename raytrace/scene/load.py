@@ -3,6 +3,8 @@
 NumPy is not imported before the scene is valid, so that a mistake is reported quickly.
 """
 
+from __future__ import annotations
+
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
     from raytrace.records import Scene
 
 
-def load(source: Source, root: str | Path | None = None, max_memory: int | None = None) -> "Scene":
+def load(source: Source, root: str | Path | None = None, max_memory: int | None = None) -> Scene:
     """Load and check a scene.
 
     Parameters
@@ -92,7 +94,7 @@ def _is_mesh_file(source: str | Path | dict[str, Any]) -> bool:
     return not isinstance(source, dict) and format_of(Path(source)) in FORMATS + OTHERS
 
 
-def read_scene(text: Text, path: Path | None, reach: Reach) -> "Scene":
+def read_scene(text: Text, path: Path | None, reach: Reach) -> Scene:
     """Read and check a scene.
 
     Parameters

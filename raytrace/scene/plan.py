@@ -1,21 +1,24 @@
 """The plan of a scene: which passes run, on what data, in which precision; and what is left out, and why."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from raytrace.errors import OptionError, printable
 from raytrace.records import REFRACTIVE, Scene
-from raytrace.scene.path_plan import light_words, needs_paths, path_left_out, path_passes
+from raytrace.scene.display import contents, plan_html, plan_line
+from raytrace.scene.path_plan import needs_paths, path_left_out, path_passes
 from raytrace.scene.precision import Precision, choose_precision
 from raytrace.scene.sources import Source
 
 INTEGRATORS = "direct", "path"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plan:
-    """The result of ``rt.explain``; ``print`` it.
+    """The result of ``rt.explain``; ``print`` it, or show it in a notebook.
 
     Attributes
     ----------
@@ -45,6 +48,12 @@ class Plan:
     passes: tuple[tuple[str, str], ...]
     left_out: tuple[tuple[str, str], ...]
     warnings: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return plan_line(self)
+
+    def _repr_html_(self) -> str:
+        return plan_html(self)
 
     def __str__(self) -> str:
         lines = [
@@ -93,8 +102,7 @@ def make_plan(scene: Scene) -> Plan:
         warnings += light_warnings(scene)
     return Plan(
         about=scene.about,
-        holds=f"{len(scene.mesh.faces):,} triangles in {_count(len(scene.objects), 'object')}, "
-        f"{_count(len(used), 'material')}, {light_words(scene)}",
+        holds=contents(scene),
         precision=choose_precision(scene),
         refraction=refraction,
         smooth=smooth,
@@ -105,10 +113,6 @@ def make_plan(scene: Scene) -> Plan:
         left_out=path_left_out(scene) if paths else _left_out(refraction, smooth, transparent, lights),
         warnings=warnings,
     )
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
 def _passes(scene: Scene, refraction: bool, smooth: bool, transparent: bool) -> tuple[tuple[str, str], ...]:

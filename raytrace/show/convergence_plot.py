@@ -1,5 +1,7 @@
 """``convergence``: plot of error against samples, from the measurements of a report."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from raytrace.reporting.analysis import curves_of

@@ -1,5 +1,7 @@
 """``Drawing``: a figure with the numbers that it shows."""
 
+from __future__ import annotations
+
 import io
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

@@ -1,5 +1,7 @@
 """``error``: maps of the signed error of an image and of its structural similarity (SSIM) to a reference."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """``live``: an interactive viewer for notebooks."""
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING
 
 from raytrace.errors import RaytraceError
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
 SIDE = 256  # default pixels of the longer side
 
 
-def live(scene: AnyScene, *, size: tuple[int, int] | None = None, spp: int = 64) -> "Viewer":
+def live(scene: AnyScene, *, size: tuple[int, int] | None = None, spp: int = 64) -> Viewer:
     """Open an interactive viewer: turn the camera, change lights and glass, and show the path of a pixel.
 
     Parameters

@@ -1,5 +1,7 @@
 """``path``: the path of one sample of a pixel, with shadow rays and the numbers of each step."""
 
+from __future__ import annotations
+
 from base64 import b64encode
 from html import escape
 from typing import Any

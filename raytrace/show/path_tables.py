@@ -1,11 +1,11 @@
 """Tables of the numbers of a path, as text and as HTML."""
 
 from collections.abc import Iterable
-from html import escape
 from typing import NamedTuple
 
 import numpy as np
 
+from raytrace.html_tables import html_table
 from raytrace.show.path_steps import ShadowRay, Step, Steps
 
 
@@ -110,7 +110,4 @@ def as_text(table: Table) -> str:
 
 def as_html(table: Table) -> str:
     """Format a table as HTML."""
-    head = "".join(f"<th>{escape(cell)}</th>" for cell in table.header)
-    rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows)
-    caption = f'<caption style="text-align: left">{escape(table.title)}</caption>' if table.title else ""
-    return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+    return html_table(table.title, table.header, table.rows)

@@ -1,5 +1,7 @@
 """``samples``: positions of the samples in a pixel, and their projections on x and y."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """``bvh``: the boxes of one level of the tree, drawn over its triangles."""
 
+from __future__ import annotations
+
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,5 +1,7 @@
 """``heatmap``: nodes visited and triangles tested by the ray of each pixel."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """``Viewer``: the widget that ``live`` returns; widget.js is its part in the browser."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

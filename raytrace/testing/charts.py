@@ -1,5 +1,7 @@
 """Charts: the sphere of directions as a square, fine around an axis; and integrals over the cells of its grid."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -7,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.errors import OptionError
+from raytrace.record_display import displayed
 
 F8 = NDArray[np.float64]
 Function = Callable[[F8], F8]  # of unit directions (n, 3)
 
 
+@displayed
 class Chart(NamedTuple):
     """Coordinates (x, y) of [0, 1)^2 for directions.
 
@@ -23,7 +27,7 @@ class Chart(NamedTuple):
     width: float = 1.0
     side: int = 0  # 0: all directions; 1: those with z > 0; -1: those with z < 0
 
-    def checked(self) -> "Chart":
+    def checked(self) -> Chart:
         """Return the chart with its axis made unit; an OptionError where it is none."""
         axis = np.asarray(self.axis, np.float64)
         length = np.linalg.norm(axis)

@@ -4,6 +4,8 @@ By series and continued fractions of the incomplete gamma and beta functions [DL
 method; relative error below 1e-10 for up to 10^5 degrees of freedom.
 """
 
+from __future__ import annotations
+
 import math
 
 STEPS = 100_000

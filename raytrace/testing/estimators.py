@@ -1,15 +1,19 @@
 """``t_test``: whether means of independent estimates agree with a reference."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace.errors import OptionError
+from raytrace.record_display import displayed
 from raytrace.testing.distributions import sidak, student_tails
 from raytrace.testing.outcome import StatisticalError, check_level
 
 
+@displayed
 class TTest(NamedTuple):
     """Numbers of a t-test of one or many means."""
 

@@ -1,11 +1,14 @@
 """``furnace``: whether a scattering function, its sampling and its density agree, and create no energy."""
 
+from __future__ import annotations
+
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace.errors import OptionError
+from raytrace.record_display import displayed
 from raytrace.testing.distributions import sidak, student_tails
 from raytrace.testing.outcome import StatisticalError, check_numbers, uniform
 
@@ -26,6 +29,7 @@ class Scattering(Protocol):
         """Return directions (n, 3), weights f cos / pdf, and densities (n,), from random numbers (n, 3)."""
 
 
+@displayed
 class Furnace(NamedTuple):
     """Share of even light that a surface sends to the viewer, at each angle."""
 

@@ -1,5 +1,7 @@
 """What the statistical tests share: their error, checked arguments, and random numbers."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

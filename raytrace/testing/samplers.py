@@ -1,5 +1,7 @@
 """``chi_square``: whether directions have the density that a program states."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -7,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytrace.errors import OptionError
+from raytrace.record_display import displayed
 from raytrace.testing.charts import F8, Chart, counts, expected_counts
 from raytrace.testing.distributions import chi_square_tail, sidak
 from raytrace.testing.outcome import StatisticalError, check_numbers, uniform
@@ -15,6 +18,7 @@ LEAST = 5.0  # expected samples per cell: cells with fewer are merged [Cochran19
 STRAY = 40  # samples where none should be, of rounding and of quadrature that barely misses a cell
 
 
+@displayed
 class ChiSquare(NamedTuple):
     """Numbers of a chi-square test."""
 

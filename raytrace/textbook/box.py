@@ -1,5 +1,7 @@
 """A ray against an axis-aligned box."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,5 +1,7 @@
 """Where samples lie in a pixel, and the rays through them."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

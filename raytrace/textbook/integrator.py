@@ -1,5 +1,7 @@
 """The integrator: it follows rays until they end on a diffuse surface, and averages them per pixel."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from typing import Any
 

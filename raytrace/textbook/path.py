@@ -1,5 +1,7 @@
 """Path tracing: all the light, by random paths from the camera, with multiple importance sampling of lamps."""
 
+from __future__ import annotations
+
 import math
 from typing import Any
 

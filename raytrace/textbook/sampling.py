@@ -1,5 +1,7 @@
 """Random directions and points, and how two ways to draw them are combined."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

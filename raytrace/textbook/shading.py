@@ -1,11 +1,14 @@
 """What happens at a surface: the point and its normals, reflection, refraction, and direct light."""
 
+from __future__ import annotations
+
 import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.record_display import displayed
 from raytrace.records import Hits, Scene
 from raytrace.textbook.camera import unit
 from raytrace.textbook.tree import Tree, traverse
@@ -19,6 +22,7 @@ def dot(a: F8, b: F8) -> F8:
     return np.sum(a * b, axis=-1, keepdims=True)
 
 
+@displayed
 class Point(NamedTuple):
     """Points where rays met surfaces; one row per ray."""
 

@@ -1,10 +1,13 @@
 """A bounding volume hierarchy: built by median splits, flattened into arrays, traversed with a stack."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.record_display import displayed
 from raytrace.records import Hits
 from raytrace.textbook.box import slab
 from raytrace.textbook.triangle import moller_trumbore
@@ -13,6 +16,7 @@ F8 = NDArray[np.floating]
 LEAF = 8  # largest number of triangles in a leaf
 
 
+@displayed
 class Tree(NamedTuple):
     """Nodes in depth-first order [Pharr2023, 7.3.4]: the left child of node i is i + 1."""
 

@@ -1,5 +1,7 @@
 """A ray against a triangle."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 
