@@ -116,7 +116,9 @@ def compile_kernel(function: Callable[..., Any], kinds: tuple[Kind, ...], c_entr
     with _uncollected(), checked() as lacking:
         teach()
         context = cpu_target.target_context
-        compiler = FunctionCompiler(function, cpu_target, OPTIONS | {"nopython": True}, {}, numba.core.compiler.Compiler)
+        compiler = FunctionCompiler(
+            function, cpu_target, OPTIONS | {"nopython": True}, {}, numba.core.compiler.Compiler
+        )
         compiled = compiler.compile(tuple(map(numba_type, kinds)), None)
         library = compiled.library
         module = library.create_ir_module(SYMBOL)
@@ -126,10 +128,13 @@ def compile_kernel(function: Callable[..., Any], kinds: tuple[Kind, ...], c_entr
         library.add_ir_module(module)
         final, data = library.machine_code((SYMBOL, C_SYMBOL))
         outside = tuple(f.name for f in final.functions if f.is_declaration and not f.name.startswith("llvm."))
-        lacking.extend(unknown(data))
     code = Code(outside, data)
     if code.foreign:
         raise NotImplementedError(f"{function.__name__} calls {', '.join(code.foreign)}: kernels call only each other")
+    try:
+        lacking.extend(unknown(data))
+    except ValueError as error:
+        raise Unavailable(str(error)) from None
     if lacking:
         raise Unavailable(f"machine code calls {', '.join(lacking)}, which this process lacks")
     return code

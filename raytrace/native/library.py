@@ -22,8 +22,10 @@ class KernelLibrary(JITCodeLibrary):
     def machine_code(self, entries: Iterable[str]) -> tuple[Any, bytes]:
         """Return the optimised module, and object code, of a kernel with these entries."""
         module = self._linked(entries)
-        manager, builder = self._codegen._module_pass_manager()
-        manager.run(module, builder)
+        inlining = {"loop_vectorize": False, "slp_vectorize": False, "opt": 0, "cost": "cheap"}
+        for options in (inlining, {}):
+            manager, builder = self._codegen._module_pass_manager(**options)
+            manager.run(module, builder)
         module.verify()
         return module, self._codegen._tm.emit_object(module)
 

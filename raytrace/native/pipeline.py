@@ -8,10 +8,10 @@ expressions of arrays.
 from types import CodeType
 from typing import Any
 
-from numba import _dynfunc
+from numba import _dynfunc  # type: ignore[attr-defined]
 from numba.core import compiler, typed_passes, untyped_passes
 from numba.core.compiler_machinery import PassManager
-from numba.core.dispatcher import _FunctionCompiler
+from numba.core.dispatcher import _FunctionCompiler  # type: ignore[attr-defined]
 
 from raytrace.native.library import KernelLibrary
 
@@ -61,7 +61,8 @@ class FunctionCompiler(_FunctionCompiler):
     """Compiles a kernel or callee to LLVM code, and not to machine code."""
 
     def _compile_core(self, args: tuple[Any, ...], return_type: Any) -> Any:
-        flags, target = compiler.Flags(), self.targetdescr
+        target = self.targetdescr
+        flags: Any = compiler.Flags()
         target.options.parse_as_flags(flags, self.targetoptions)
         flags.no_compile = True
         plain = not any(isinstance(const, CodeType) for const in self.py_func.__code__.co_consts)
