@@ -53,6 +53,8 @@ NUMBA = (  # the compiler, and the type that it is taught
     "native/c_entry.py",
     "native/caller.py",
     "native/compiled_rays.py",
+    "native/library.py",
+    "native/pipeline.py",
     "native/compiler.py",
     "native/entry.py",
     "native/plain.py",

@@ -16,9 +16,9 @@ from typing import Any
 import numba
 from numba.core import types
 from numba.core.compiler_lock import global_compiler_lock
-from numba.core.dispatcher import Dispatcher, _FunctionCompiler
+from numba.core.dispatcher import Dispatcher
 from numba.core.registry import cpu_target
-from numba.extending import overload
+from numba.core.typing.templates import infer, infer_global, make_overload_template
 
 from raytrace import jit
 from raytrace.accel import lanes_block_jit, lanes_jit, lanes_pool_jit  # noqa: F401  (they register lanes with Numba)
@@ -27,6 +27,7 @@ from raytrace.native.c_entry import CEntry, flat
 from raytrace.native.entry import Entry, check_layout, numba_type
 from raytrace.native.fallback import Unavailable
 from raytrace.native.link import C_SYMBOL, SYMBOL, Code
+from raytrace.native.pipeline import FunctionCompiler
 from raytrace.native.signatures import Kind
 from raytrace.native.symbols import stand_in, unknown
 
@@ -36,17 +37,11 @@ if processor.narrowed():
 _callees: dict[Callable[..., Any], Dispatcher] = {}  # Numba itself only keeps weak references
 
 
-class _KernelCompiler(_FunctionCompiler):
-    """Compiles a kernel without optimising its code, so that its entry can be added to it first."""
-
-    def _customize_flags(self, flags: Any) -> Any:
-        flags.no_compile = True
-        return flags
-
-
 def _callee(function: Callable[..., Any], options: dict[str, bool]) -> Dispatcher:
     """Compile a callee once for the types of its arguments, and not again for each constant argument."""
     compiled = numba.njit(**OPTIONS, **options)(function)
+    old = compiled._compiler
+    compiled._compiler = FunctionCompiler(function, old.targetdescr, old.targetoptions, {}, old.pipeline_class)
     template = compiled.get_call_template
     compiled.get_call_template = lambda args, kws: template([types.unliteral(arg) for arg in args], kws)
     return compiled
@@ -61,8 +56,17 @@ def teach() -> None:
         jit.callees.pop(0)  # only after it is registered
     while jit.forms:
         function, choose = jit.forms[0]
-        overload(function, inline="always")(choose)
+        _register_forms(function, choose)
         jit.forms.pop(0)
+
+
+def _register_forms(function: Callable[..., Any], choose: Callable[..., Any]) -> None:
+    """Register the compiled forms of a function with Numba: callees that are inlined, chosen by types of arguments."""
+    options = {"strict": True, "inline": "never"}
+    template = make_overload_template(function, choose, {"forceinline": True}, **options)
+    template._get_jit_decorator = lambda _self: lambda **options: lambda form: _callee(form, options)
+    infer(template)
+    infer_global(function, types.Function(template))
 
 
 @contextmanager
@@ -112,7 +116,9 @@ def compile_kernel(function: Callable[..., Any], kinds: tuple[Kind, ...], c_entr
     with _uncollected(), checked() as lacking:
         teach()
         context = cpu_target.target_context
-        compiler = _KernelCompiler(function, cpu_target, OPTIONS | {"nopython": True}, {}, numba.core.compiler.Compiler)
+        compiler = FunctionCompiler(
+            function, cpu_target, OPTIONS | {"nopython": True}, {}, numba.core.compiler.Compiler
+        )
         compiled = compiler.compile(tuple(map(numba_type, kinds)), None)
         library = compiled.library
         module = library.create_ir_module(SYMBOL)
@@ -120,13 +126,15 @@ def compile_kernel(function: Callable[..., Any], kinds: tuple[Kind, ...], c_entr
         if c_entry and flat(kinds):
             CEntry(context, module, C_SYMBOL).write(compiled.fndesc, kinds)
         library.add_ir_module(module)
-        library.enable_object_caching()
-        library.finalize()
-        final = library._final_module
+        final, data = library.machine_code((SYMBOL, C_SYMBOL))
         outside = tuple(f.name for f in final.functions if f.is_declaration and not f.name.startswith("llvm."))
-    code = Code(outside, library._get_compiled_object())
+    code = Code(outside, data)
     if code.foreign:
         raise NotImplementedError(f"{function.__name__} calls {', '.join(code.foreign)}: kernels call only each other")
+    try:
+        lacking.extend(unknown(data))
+    except ValueError as error:
+        raise Unavailable(str(error)) from None
     if lacking:
         raise Unavailable(f"machine code calls {', '.join(lacking)}, which this process lacks")
     return code

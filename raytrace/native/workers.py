@@ -108,6 +108,7 @@ def work() -> None:
     """Main function of such a process: compile the kernels that it reads, until its input ends."""
     answers = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # printed text must not mix with answers
+    sys.modules.setdefault("scipy", None)  # type: ignore[arg-type]  # Numba imports it for linear algebra, slowly
     for line in sys.stdin.buffer:
         share = pickle.loads(base64.b64decode(line))
         for kernel, kinds in share:

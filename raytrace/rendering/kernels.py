@@ -202,6 +202,7 @@ def _building(dtype: np.dtype, triangle: str) -> Iterator[Call]:
 def _sorting(bvh: BVH) -> Iterator[Call]:
     dtype = bvh.triangles.dtype
     rays, scratch = _rays(dtype), reorder.make_sort_scratch(PACKET, dtype, bvh.pool_work())
+    yield query.closest_hit, (bvh.tree, rays, scratch.hits, 0, bvh.work())  # few rays, or coherent ones: no pool
     yield reorder.sort_rays, (rays, 0, bvh.grid, scratch)
     yield reorder.changes, (rays, 0, bvh.grid, scratch)
     yield reorder.take, (rays, 0, scratch.numbers[0], scratch.rays)
