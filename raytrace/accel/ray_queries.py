@@ -84,12 +84,13 @@ class RayQueries:
 
         def trace(begin: int, end: int) -> None:
             part = Hits(*(column[begin:end] for column in hits))
-            scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.pool_work())
+            scratch = unused.pop() if unused else self._scratch(n)
             batch = Pixels(width, (end - begin) // width) if width else end - begin
             reorder.closest_hit(tree, grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
             unused.append(scratch)
 
         share_out(trace, n, threads, whole_blocks(width))
+        reorder.return_sort_scratch(dtype, unused)
         return Hits(*(column.reshape(shape) for column in hits))
 
     def any_hit(
@@ -122,12 +123,13 @@ class RayQueries:
 
         def trace(begin: int, end: int) -> None:
             part = occluded[begin:end]
-            scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.pool_work())
+            scratch = unused.pop() if unused else self._scratch(n)
             batch = Pixels(width, (end - begin) // width) if width else end - begin
             reorder.any_hit(tree, grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
             unused.append(scratch)
 
         share_out(trace, n, threads, whole_blocks(width))
+        reorder.return_sort_scratch(dtype, unused)
         return occluded.reshape(shape)
 
     def all_hits(
@@ -243,6 +245,10 @@ class RayQueries:
         """
         check_closed(self, "contains")
         return inside(self, points, threads)
+
+    def _scratch(self, n: int) -> reorder.SortScratch:
+        """Return scratch memory for one thread, which traces up to n rays in ranges."""
+        return reorder.borrow_sort_scratch(min(MAX_RANGE, n), self.triangles.dtype, self.pool_work())
 
     def work(self) -> Work:
         """Allocate scratch memory for one thread."""
