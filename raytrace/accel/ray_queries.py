@@ -9,11 +9,12 @@ from raytrace.accel import reorder
 from raytrace.accel.batches import Pixels, image_width, whole_blocks
 from raytrace.accel.bundle import BUNDLE
 from raytrace.accel.hit_lists import HitTracer, count_all, list_all
-from raytrace.accel.inputs import check_rays, rays_of
+from raytrace.accel.inputs import Field, check_rays, rays_of
 from raytrace.accel.inside import Closure, check_closed, inside
 from raytrace.accel.lanes import NODE, PACKET
 from raytrace.accel.layout import aligned
 from raytrace.accel.pool_scratch import make_pool
+from raytrace.accel.raster import width_of_list
 from raytrace.accel.scratch import ROWS
 from raytrace.parallel import MAX_RANGE, share_out
 from raytrace.records import AllHits, Hits, Tree
@@ -74,7 +75,7 @@ class RayQueries:
         """
         dtype = self.triangles.dtype
         rays, shape = check_rays(origins, directions, tmin, tmax, dtype)
-        n, width = math.prod(shape), image_width(shape, MAX_RANGE)
+        n, width = math.prod(shape), self._width(rays, shape)
         size = dtype.itemsize
         memory = np.empty(n * (3 * size + 4), np.uint8)  # one block, which the allocator can reuse without new pages
         t, u, v = memory[: 3 * n * size].view(dtype).reshape(3, n)
@@ -116,7 +117,7 @@ class RayQueries:
         """
         dtype = self.triangles.dtype
         rays, shape = check_rays(origins, directions, tmin, tmax, dtype)
-        n, width = math.prod(shape), image_width(shape, MAX_RANGE)
+        n, width = math.prod(shape), self._width(rays, shape)
         occluded = np.empty(n, np.bool_)
         unused: list[reorder.SortScratch] = []
         tree, grid = self.tree, self.grid  # of the whole query, even if another thread refits
@@ -245,6 +246,12 @@ class RayQueries:
         """
         check_closed(self, "contains")
         return inside(self, points, threads)
+
+    def _width(self, rays: list[Field], shape: tuple[int, ...]) -> int:
+        """Return the width of the image whose rays these are, to be traced in blocks, or 0."""
+        if len(shape) > 1:
+            return image_width(shape, MAX_RANGE)
+        return width_of_list(self.tree, rays, shape[0], MAX_RANGE)
 
     def _scratch(self, n: int) -> reorder.SortScratch:
         """Return scratch memory for one thread, which traces up to n rays in ranges."""
