@@ -5,6 +5,7 @@ import pytest
 
 import rays
 import raytrace as rt
+from raytrace import cores
 from raytrace.accel import reorder
 from raytrace.accel.inputs import columns_of
 from raytrace.records import Rays
@@ -122,3 +123,19 @@ def test_numbers_that_are_out_of_all_cells_do_no_harm(odd):
     hits = bvh.closest_hit(o, d)
     alone = [bvh.closest_hit(o[k : k + 100], d[k : k + 100]) for k in range(0, 1000, 100)]
     assert rays.same_hits(hits, rt.Hits(*(np.concatenate(columns) for columns in zip(*alone, strict=True))))
+
+
+def test_scratch_memory_is_kept_for_later_queries(monkeypatch):
+    bvh, dtype = rt.BVH(*rays.soup(3000, seed=1, size=0.05)), np.dtype("f4")
+    o, d = scattered(5003, 12, "float32")
+    monkeypatch.setattr(reorder, "spare", {})
+    few = bvh.closest_hit(o[:2000], d[:2000], threads=1)
+    (first,) = reorder.spare[dtype]
+    assert rays.same_bits(bvh.closest_hit(o[:1000], d[:1000], threads=1).t, few.t[:1000])
+    (second,) = reorder.spare[dtype]
+    assert second.rays is first.rays
+    bvh.any_hit(o, d, threads=1)
+    (third,) = reorder.spare[dtype]
+    assert len(third.occluded) >= 5003 > len(first.occluded)
+    reorder.return_sort_scratch(dtype, [first] * 100)
+    assert len(reorder.spare[dtype]) == cores.usable()

@@ -176,5 +176,5 @@ def trace_bundle(tree: Tree, bundle: Bundle, test, work: Work):
             top = enter_bundle(tree, child, bundle, ends, top, work)
             continue
         met = np.int64(peek(work.alive, top)) & bits(ends.groups >= peek(work.t, top))
-        if met != 0 and visit_leaf(tree, ~child * LEAF_SIZE, bundle, met, test, work):
+        if met != 0 and visit_leaf(tree, ~child * LEAF_SIZE, bundle, met, test, work) and top > 0:
             ends = ends_of(bundle, work)

@@ -36,7 +36,7 @@ from raytrace.work_records import Work
 HIGH = 3 * NODE  # from the low planes of a node's boxes to the high ones
 FRUSTUM_ROUNDINGS = 16.0  # machine epsilons of the largest coordinate: twice what rounding moves lines and triangles by
 SHORTEST = 2.0**-10  # of the scene's size: the least distance between the two planes
-NARROW_START, NARROW_END = 1.0, 4.0  # sides of a usual leaf: for bundles wider than that, packets are faster
+NARROW = 6.0  # sides of a usual leaf: where the widths at both ends have a larger sum, packets are faster
 
 
 class Line(NamedTuple):
@@ -165,7 +165,7 @@ def make_frusta(extent, dominant: int, sense, count: int, work: Work) -> Frusta:
     xl0, xh0, xl1, xh1 = lane_min(x.low0), lane_max(x.high0), lane_min(x.low1), lane_max(x.high1)
     yl0, yh0, yl1, yh1 = lane_min(y.low0), lane_max(y.high0), lane_min(y.low1), lane_max(y.high1)
     leaf = peek(extent, 6)
-    narrow = (max(xh0 - xl0, yh0 - yl0) <= leaf * NARROW_START) and (max(xh1 - xl1, yh1 - yl1) <= leaf * NARROW_END)
+    narrow = max(xh0 - xl0, yh0 - yl0) + max(xh1 - xl1, yh1 - yl1) <= leaf * NARROW
     steepest = max(max(xh1 - xl0, xh0 - xl1), max(yh1 - yl0, yh0 - yl1)) / abs(z1 - z0)
     largest = largest + max(-ends.start_low, ends.start_high) + max(max(-xl0, xh0), max(-yl0, yh0))
     margin = largest * (FRUSTUM_ROUNDINGS * machine_epsilon(work.lanes))

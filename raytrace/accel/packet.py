@@ -39,7 +39,7 @@ from raytrace.accel.scratch import (
     write_rows,
 )
 from raytrace.accel.single import any_single, closest_single, planes_of_node
-from raytrace.accel.stack import ROOT, push
+from raytrace.accel.stack import ROOT, push, put
 from raytrace.accel.triangle import Triangle, intersect
 from raytrace.jit import inlined
 from raytrace.records import Nodes, Tree
@@ -96,16 +96,20 @@ def one_triangle(rows, at: int, axes: Axes) -> Triangle:
 
 
 @inlined
-def enter_packet(nodes: Nodes, node: int, packet: RayPacket, reach: Reach, top: int, work: Work):
-    """Push the children of a node that any ray of a packet enters; return the new height of the stack.
-
-    All eight boxes are tested against the bounds of the packet first. A tree of one node skips that test.
-    """
-    base, at = top, node * NODE_SIZE
+def met_boxes(nodes: Nodes, at: int, packet: RayPacket, reach: Reach) -> int:
+    """Bits of the children of a node that the bounds of a packet meet; in a tree of one node, of all children."""
     left = np.int64(peek(nodes.child, at + PRESENT))  # an empty slot can be entered where a quotient is NaN
     if len(nodes.bounds) > NODE_SIZE:
         near, far = planes_of_node(nodes.bounds, at, packet.axes)
         left &= bits(bounds_test(reach.bounds, near, far, reach.farthest))
+    return left
+
+
+@inlined
+def enter_packet(nodes: Nodes, node: int, packet: RayPacket, reach: Reach, top: int, work: Work):
+    """Push the children of a node that any ray of a packet enters, nearest on top; return the height of the stack."""
+    base, at = top, node * NODE_SIZE
+    left = met_boxes(nodes, at, packet, reach)
     while left != 0:
         k = first_bit(left)
         left &= left - 1
@@ -115,6 +119,23 @@ def enter_packet(nodes: Nodes, node: int, packet: RayPacket, reach: Reach, top: 
         lanes = bits(entered)
         if lanes != 0:
             top = push(work, base, top, lane_min(select(entered, t, np.inf)), child, lanes)
+    work.counts[0] += 1
+    return top
+
+
+@inlined
+def enter_packet_unsorted(nodes: Nodes, node: int, packet: RayPacket, reach: Reach, top: int, work: Work):
+    """Push the children of a node that any ray of a packet enters; return the new height of the stack."""
+    at = node * NODE_SIZE
+    left = met_boxes(nodes, at, packet, reach)
+    while left != 0:
+        k = first_bit(left)
+        left &= left - 1
+        near, far = planes_of(nodes.bounds, at + k, packet.axes)
+        _, entered = slab_test(packet.slabs, near, far, packet.tmin, reach.tmax)
+        lanes = bits(entered)
+        if lanes != 0:
+            top = put(work, top, peek(nodes.child, at + CHILD + k), lanes)
     work.counts[0] += 1
     return top
 
@@ -216,7 +237,7 @@ def any_packet(tree: Tree, packet: RayPacket, bounds: PacketBounds, alive: int, 
     """Bits of the rays ``alive`` (bits) of a packet that hit anything; few rays are traced one by one."""
     tmax = select(mask_of(alive, tmax), tmax, -np.inf)
     farthest = lane_max(tmax)
-    top, occluded, written = push(work, 0, 0, -np.inf, ROOT, alive), 0, False
+    top, occluded, written = put(work, 0, ROOT, alive), 0, False
     while top > 0 and occluded != alive:
         top -= 1
         child, left = np.int64(peek(work.child, top)), peek(work.alive, top) & ~occluded
@@ -227,7 +248,7 @@ def any_packet(tree: Tree, packet: RayPacket, bounds: PacketBounds, alive: int, 
                 written = True
             occluded |= any_alone(tree, packet.axes, left, Visit(child, top), work)
         elif child >= 0:
-            top = enter_packet(tree.nodes, child, packet, Reach(bounds, tmax, farthest), top, work)
+            top = enter_packet_unsorted(tree.nodes, child, packet, Reach(bounds, tmax, farthest), top, work)
             continue
         else:
             occluded |= any_in_leaf(tree.leaves, ~child * LEAF_SIZE, packet, tmax, work)

@@ -11,11 +11,12 @@ from raytrace.accel import reorder
 from raytrace.accel.batches import Pixels, image_width, whole_blocks
 from raytrace.accel.bundle import BUNDLE
 from raytrace.accel.hit_lists import HitTracer, count_all, list_all
-from raytrace.accel.inputs import check_rays, rays_of
+from raytrace.accel.inputs import Field, check_rays, rays_of
 from raytrace.accel.inside import Closure, check_closed, inside
 from raytrace.accel.lanes import NODE, PACKET
 from raytrace.accel.layout import aligned
 from raytrace.accel.pool_scratch import make_pool
+from raytrace.accel.raster import width_of_list
 from raytrace.accel.scratch import ROWS
 from raytrace.parallel import MAX_RANGE, share_out
 from raytrace.records import AllHits, Hits, Tree
@@ -76,7 +77,7 @@ class RayQueries:
         """
         dtype = self.triangles.dtype
         rays, shape = check_rays(origins, directions, tmin, tmax, dtype)
-        n, width = math.prod(shape), image_width(shape, MAX_RANGE)
+        n, width = math.prod(shape), self._width(rays, shape)
         size = dtype.itemsize
         memory = np.empty(n * (3 * size + 4), np.uint8)  # one block, which the allocator can reuse without new pages
         t, u, v = memory[: 3 * n * size].view(dtype).reshape(3, n)
@@ -86,12 +87,13 @@ class RayQueries:
 
         def trace(begin: int, end: int) -> None:
             part = Hits(*(column[begin:end] for column in hits))
-            scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.pool_work())
+            scratch = unused.pop() if unused else self._scratch(n)
             batch = Pixels(width, (end - begin) // width) if width else end - begin
             reorder.closest_hit(tree, grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
             unused.append(scratch)
 
         share_out(trace, n, threads, whole_blocks(width))
+        reorder.return_sort_scratch(dtype, unused)
         return Hits(*(column.reshape(shape) for column in hits))
 
     def any_hit(
@@ -117,19 +119,20 @@ class RayQueries:
         """
         dtype = self.triangles.dtype
         rays, shape = check_rays(origins, directions, tmin, tmax, dtype)
-        n, width = math.prod(shape), image_width(shape, MAX_RANGE)
+        n, width = math.prod(shape), self._width(rays, shape)
         occluded = np.empty(n, np.bool_)
         unused: list[reorder.SortScratch] = []
         tree, grid = self.tree, self.grid  # of the whole query, even if another thread refits
 
         def trace(begin: int, end: int) -> None:
             part = occluded[begin:end]
-            scratch = unused.pop() if unused else reorder.make_sort_scratch(min(MAX_RANGE, n), dtype, self.pool_work())
+            scratch = unused.pop() if unused else self._scratch(n)
             batch = Pixels(width, (end - begin) // width) if width else end - begin
             reorder.any_hit(tree, grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
             unused.append(scratch)
 
         share_out(trace, n, threads, whole_blocks(width))
+        reorder.return_sort_scratch(dtype, unused)
         return occluded.reshape(shape)
 
     def all_hits(
@@ -245,6 +248,16 @@ class RayQueries:
         """
         check_closed(self, "contains")
         return inside(self, points, threads)
+
+    def _width(self, rays: list[Field], shape: tuple[int, ...]) -> int:
+        """Return the width of the image whose rays these are, to be traced in blocks, or 0."""
+        if len(shape) > 1:
+            return image_width(shape, MAX_RANGE)
+        return width_of_list(self.tree, rays, shape[0], MAX_RANGE)
+
+    def _scratch(self, n: int) -> reorder.SortScratch:
+        """Return scratch memory for one thread, which traces up to n rays in ranges."""
+        return reorder.borrow_sort_scratch(min(MAX_RANGE, n), self.triangles.dtype, self.pool_work())
 
     def work(self) -> Work:
         """Allocate scratch memory for one thread."""

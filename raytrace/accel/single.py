@@ -7,7 +7,7 @@ from raytrace.accel.lanes import NODE, bits, first_bit, load, peek, poke, prefet
 from raytrace.accel.layout import CHILD, LEAF_SIZE, NODE_SIZE, NORMAL, PRESENT, PRIM_ID, V0, V1, V2
 from raytrace.accel.octants import Axes, RayPacket
 from raytrace.accel.scratch import HIT_T, HIT_U, HIT_V, read_lane, write_lane
-from raytrace.accel.stack import NOTHING, pop, push
+from raytrace.accel.stack import NOTHING, pop, push, put
 from raytrace.accel.triangle import Triangle, intersect
 from raytrace.jit import inlined
 from raytrace.records import Tree
@@ -80,6 +80,22 @@ def enter_single(tree: Tree, node: int, ray: RayPacket, tmax, top: int, work: Wo
 
 
 @inlined
+def enter_single_unsorted(tree: Tree, node: int, ray: RayPacket, tmax, top: int, work: Work):
+    """Push the children of a node that a ray enters; return the new height of the stack."""
+    near, far = planes_of_node(tree.nodes.bounds, node * NODE_SIZE, ray.axes)
+    _, entered = slab_test(ray.slabs, near, far, ray.tmin, tmax)
+    work.counts[0] += 1
+    left = bits(entered) & np.int64(peek(tree.nodes.child, node * NODE_SIZE + PRESENT))
+    while left != 0:
+        k = first_bit(left)
+        left &= left - 1
+        child = peek(tree.nodes.child, node * NODE_SIZE + CHILD + k)
+        fetch(tree, child)
+        top = put(work, top, child, 1)
+    return top
+
+
+@inlined
 def closest_single(tree: Tree, ray: RayPacket, child: int, base: int, lane: int, work: Work):
     """Find the nearest hit of one ray below a child; read and write t, u, v, prim_id of its lane in scratch memory."""
     leaves = tree.leaves
@@ -111,17 +127,16 @@ def closest_single(tree: Tree, ray: RayPacket, child: int, base: int, lane: int,
 @inlined
 def any_single(tree: Tree, ray: RayPacket, tmax, child: int, base: int, work: Work):
     """Whether one ray hits anything below a child: 1 or 0."""
-    leaves, top = tree.leaves, base
-    while child != NOTHING:
+    leaves, top = tree.leaves, put(work, base, child, 1)
+    while top > base:
+        top -= 1
+        child = np.int64(peek(work.child, top))
         if child >= 0:
-            child, top = enter_single(tree, child, ray, tmax, top, work)
-            if child == NOTHING:
-                child, top = pop(work, base, top, tmax)
+            top = enter_single_unsorted(tree, child, ray, tmax, top, work)
             continue
         work.counts[1] += NODE
         triangles = eight_triangles(leaves.rows, ~child * LEAF_SIZE, ray.axes)
         inside, t, _, _ = intersect(leaves, ray.frame, triangles)
         if bits(inside & (t > ray.tmin) & (t < tmax)) != 0:
             return 1
-        child, top = pop(work, base, top, tmax)
     return 0

@@ -29,6 +29,14 @@ def push(work: Work, base: int, top: int, t, child: int, lanes: int):
 
 
 @inlined
+def put(work: Work, top: int, child: int, lanes: int):
+    """Push a child without its distance, on top of all others; return the new height."""
+    poke(work.child, top, child)
+    poke(work.alive, top, lanes)
+    return top + 1
+
+
+@inlined
 def pop(work: Work, base: int, top: int, tmax):
     """Nearest child on the stack above ``base`` that is not beyond tmax, or NOTHING; and the new height."""
     while top > base:
