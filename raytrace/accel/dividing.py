@@ -1,0 +1,93 @@
+"""Whether long triangles of a mesh are to be divided among several leaves, and the tree in which they are."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytrace import parallel
+from raytrace.accel.boxes import BOX
+from raytrace.accel.grow import Binary, Subtree, make_binary
+from raytrace.accel.lanes import NODE
+from raytrace.accel.spatial import References, grow_spatial, make_spatial_scratch
+
+SAMPLE = 4096  # triangles from which the median is estimated
+WORTH = 8.0  # tests of triangles that a random line must be spared
+ROOM = 0.3  # most references beyond one per triangle, in triangles
+LEAST = 1e-5  # of the area of the mesh's box: what the halves of a node must share [Stich2009]
+WIDEN = 64.0  # machine epsilons of the largest coordinate (docs/numerics.md)
+
+
+def tests_spared(boxes: NDArray[np.floating], order: NDArray[np.int32], triangles: NDArray[np.floating]) -> float:
+    """Estimate how many tests of triangles a random line is spared if the large ones are divided.
+
+    A line meets a convex body with a probability in proportion to its surface. A box of half surface A can be divided
+    into boxes around the pieces of its triangle, whose half surfaces are at least the triangle's projections on the
+    three axes together [Karras2013]. The pieces do not become smaller than a leaf of triangles of median size, because
+    rays are tested against whole leaves.
+    """
+    extent = -boxes[:, 4:7] - boxes[:, :3]
+    x, y, z = extent[:, 0], extent[:, 1], extent[:, 2]
+    area = x * y + y * z + z * x
+    leaf = NODE * float(np.median(area[:: len(area) // SAMPLE + 1]))
+    large = np.flatnonzero(area > leaf)
+    if len(large) == 0:
+        return 0.0
+    corners = triangles[order[large], :9].reshape(-1, 3, 3).astype(np.float64)
+    ideal = np.abs(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])).sum(axis=1) / 2
+    spared = np.minimum(area[large] - ideal, area[large] - leaf)
+    return float(np.maximum(spared, 0.0).sum()) / half_area_of(boxes)
+
+
+def half_area_of(boxes: NDArray[np.floating]) -> float:
+    """Half the surface of the box around (n, 8) boxes."""
+    low, high = boxes[:, :3].min(axis=0), -boxes[:, 4:7].min(axis=0)
+    x, y, z = (high - low).astype(np.float64)
+    return float(x * y + y * z + z * x)
+
+
+def divided_tree(
+    boxes: NDArray[np.floating], order: NDArray[np.int32], triangles: NDArray[np.floating], small: int
+) -> tuple[Binary, int] | None:
+    """Return the binary tree of a mesh, with divided triangles, and its number of nodes; None if they do not pay.
+
+    Parameters
+    ----------
+    boxes : (n, 8) float array
+        Boxes of the triangles that have an area.
+    order : (n,) int array
+        Their numbers.
+    triangles : (m, 12) float array
+    small : int
+        Nodes of at most so many references are the roots of subtrees that threads share.
+    """
+    with np.errstate(all="ignore"):
+        if not tests_spared(boxes, order, triangles) > WORTH:
+            return None
+    refs = references_of(boxes, order, triangles)
+    tree, dtype = refs.tree, boxes.dtype
+    used = grow_spatial(refs, Subtree(0, 0, 1, small), make_spatial_scratch(dtype))
+    pending = np.flatnonzero(tree.left[:used] < 0)
+    places = 2 * (refs.limit[pending] - tree.first[pending]).astype(np.int64)
+    roots = zip(pending, used + np.cumsum(places) - places, strict=True)
+    subtrees = [Subtree(int(node), int(~tree.left[node]), int(first), 0) for node, first in roots]
+    counts = [used]
+
+    def finish(subtree: Subtree) -> None:
+        counts.append(grow_spatial(refs, subtree, make_spatial_scratch(dtype)) - subtree.free)
+
+    parallel.together(finish, subtrees, None)
+    return tree, sum(counts)
+
+
+def references_of(boxes: NDArray[np.floating], order: NDArray[np.int32], triangles: NDArray[np.floating]) -> References:
+    """Return the root of a tree that may divide triangles: one reference to each, and free places."""
+    n, dtype = len(order), boxes.dtype
+    room = n + int(ROOM * n)
+    numbers, places = np.zeros(room, np.int32), np.zeros((room, BOX), dtype)
+    numbers[:n], places[:n] = order, boxes
+    tree = make_binary(numbers, places.reshape(-1))
+    tree.count[0] = n
+    limit = np.zeros(len(tree.count), np.int32)
+    limit[0] = room
+    largest = float(np.abs(boxes).max())
+    margins = np.array([WIDEN * float(np.finfo(dtype).eps) * largest, LEAST * half_area_of(boxes)], dtype)
+    return References(tree, limit, triangles.reshape(-1), margins)
