@@ -148,7 +148,7 @@ def test_interpreted_and_compiled_trees_are_the_same(name, precision, split, mon
     for few in (-1, 10**9):
         monkeypatch.setattr("raytrace.accel.build.SMALL_MESH", few)
         trees.append(build(vertices.astype(precision), faces[:300].astype(np.int32), split, "watertight"))
-    for a, b in zip(*((*tree.nodes, *tree.leaves, triangles) for tree, triangles, _ in trees), strict=True):
+    for a, b in zip(*((*tree.nodes, *tree.leaves, triangles) for tree, triangles, _, _ in trees), strict=True):
         assert rays.same_bits(a, b)
 
 

@@ -10,38 +10,45 @@ from raytrace.accel.lanes import NODE
 from raytrace.accel.spatial import References, grow_spatial, make_spatial_scratch
 
 SAMPLE = 4096  # triangles from which the median is estimated
-WORTH = 8.0  # tests of triangles that a random line must be spared
+ROWS = 8192  # boxes that are measured at a time, in the cache
+WORTH = 16.0  # tests of triangles that a random line must be spared: two leaves
 ROOM = 0.3  # most references beyond one per triangle, in triangles
 LEAST = 1e-5  # of the area of the mesh's box: what the halves of a node must share [Stich2009]
 WIDEN = 64.0  # machine epsilons of the largest coordinate (docs/numerics.md)
 
 
 def tests_spared(boxes: NDArray[np.floating], order: NDArray[np.int32], triangles: NDArray[np.floating]) -> float:
-    """Estimate how many tests of triangles a random line is spared if the large ones are divided.
+    """Estimate how many tests of triangles a random line is spared if the large ones are divided; or a bound on it.
 
     A line meets a convex body with a probability in proportion to its surface. A box of half surface A can be divided
     into boxes around the pieces of its triangle, whose half surfaces are at least the triangle's projections on the
     three axes together [Karras2013]. The pieces do not become smaller than a leaf of triangles of median size, because
     rays are tested against whole leaves.
     """
-    extent = -boxes[:, 4:7] - boxes[:, :3]
-    x, y, z = extent[:, 0], extent[:, 1], extent[:, 2]
-    area = x * y + y * z + z * x
-    leaf = NODE * float(np.median(area[:: len(area) // SAMPLE + 1]))
-    large = np.flatnonzero(area > leaf)
+    area = areas_of(boxes[:: len(boxes) // SAMPLE + 1])
+    leaf = NODE * float(np.median(area))
+    found = [np.flatnonzero(areas_of(boxes[i : i + ROWS]) > leaf) + i for i in range(0, len(boxes), ROWS)]
+    large = np.concatenate(found)
     if len(large) == 0:
         return 0.0
+    area = areas_of(boxes[large])
     corners = triangles[order[large], :9].reshape(-1, 3, 3).astype(np.float64)
     ideal = np.abs(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])).sum(axis=1) / 2
-    spared = np.minimum(area[large] - ideal, area[large] - leaf)
-    return float(np.maximum(spared, 0.0).sum()) / half_area_of(boxes)
+    spared = float(np.maximum(np.minimum(area - ideal, area - leaf), 0.0).sum())
+    few = spared <= float(area.max()) * WORTH  # the box of the mesh is larger than any of these
+    return spared / (float(area.max()) if few else half_area_of(boxes))
+
+
+def areas_of(boxes: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Half the surfaces of (n, 8) boxes."""
+    x, y, z = (-(boxes[:, 4 + axis] + boxes[:, axis]) for axis in range(3))
+    return x * y + (y + x) * z
 
 
 def half_area_of(boxes: NDArray[np.floating]) -> float:
     """Half the surface of the box around (n, 8) boxes."""
-    low, high = boxes[:, :3].min(axis=0), -boxes[:, 4:7].min(axis=0)
-    x, y, z = (high - low).astype(np.float64)
-    return float(x * y + y * z + z * x)
+    x, y, z = (-float(boxes[:, 4 + axis].min()) - float(boxes[:, axis].min()) for axis in range(3))
+    return x * y + y * z + z * x
 
 
 def divided_tree(

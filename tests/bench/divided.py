@@ -1,4 +1,4 @@
-"""Compare trees with and without divided triangles, and Mitsuba, on buildings: one thread, the same rays, interleaved."""
+"""Compare trees with and without divided triangles, and Mitsuba, on buildings: one thread, the same rays, in turn."""
 
 from typing import Any
 
