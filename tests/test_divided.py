@@ -10,6 +10,7 @@ from raytrace.accel import build as building
 from raytrace.accel import dividing, hit_lists, unite
 from raytrace.accel.layout import boxes_of, children_of, triangles_of
 from raytrace.hardcases.query_oracle import HitJudge
+from raytrace.jit import interpreted
 
 pytestmark = pytest.mark.engine
 
@@ -149,3 +150,17 @@ def test_refit_builds_a_tree_of_whole_triangles_once(pair):
     assert np.array_equal(nodes, children_of(bvh.tree.nodes))
     assert bvh.stats.growth == bvh.stats.sah_cost / cost
     assert not differing(bvh, other, O, D)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_interpreted_and_compiled_trees_are_the_same(precision, monkeypatch):
+    monkeypatch.setattr(building, "DIVIDED", 0)
+    monkeypatch.setattr(dividing, "WORTH", -1.0)
+    mesh = beams(30, 8, seed=4)
+    compiled = rt.BVH(*mesh, precision)
+    monkeypatch.setattr(dividing, "grow_spatial", interpreted(dividing.grow_spatial))
+    plain = rt.BVH(*mesh, precision)
+    assert compiled.stats.references > 1.05
+    assert rays.same_bits(compiled.tree.nodes.child, plain.tree.nodes.child)
+    assert rays.same_bits(compiled.tree.leaves.prim_id, plain.tree.leaves.prim_id)

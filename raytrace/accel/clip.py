@@ -120,7 +120,7 @@ def side_of(refs: References, k: int, free: int, limit: int, cut: Cut, sides) ->
 
     What would be thinner than the widening is not divided.
     """
-    boxes, margin = refs.tree.boxes, 2 * peek(refs.margins, WIDEN)
+    boxes, margin = refs.tree.boxes, peek(refs.margins, WIDEN) + peek(refs.margins, WIDEN)
     if high(boxes, BOX * k, cut.axis) <= cut.x + margin:
         return FRONT
     if low(boxes, BOX * k, cut.axis) >= cut.x - margin:
@@ -129,4 +129,4 @@ def side_of(refs: References, k: int, free: int, limit: int, cut: Cut, sides) ->
         side = divide(refs, k, cut, sides)
         if side != NEITHER:
             return side
-    return FRONT if centre(boxes, BOX * k, cut.axis) < 2 * cut.x else BACK
+    return FRONT if centre(boxes, BOX * k, cut.axis) < cut.x + cut.x else BACK

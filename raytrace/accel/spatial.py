@@ -33,18 +33,21 @@ class SpatialScratch(NamedTuple):
 
     grow: GrowScratch
     leaving: np.ndarray  # (3 * PARTS,) i8: references that end in each bin; ``grow.counts``: that begin there
+    planes: np.ndarray  # (3 * PARTS,) f, world units: where each bin ends
     sides: np.ndarray  # (2 * BOX,) f, world units: boxes on both sides of a plane
 
 
 def make_spatial_scratch(dtype) -> SpatialScratch:
     """Allocate scratch memory for boxes of that type."""
-    return SpatialScratch(make_grow_scratch(dtype), np.empty(3 * PARTS, np.int64), np.empty(2 * BOX, dtype))
+    return SpatialScratch(
+        make_grow_scratch(dtype), np.empty(3 * PARTS, np.int64), np.empty(3 * PARTS, dtype), np.empty(2 * BOX, dtype)
+    )
 
 
 @subroutine
-def bin_parts(refs: References, k: int, axis: int, bins, grid):
-    """Grow the boxes of bins by the parts of a reference in them; ``grid``: its first and last bin, origin, width."""
-    first, last, origin, width = grid
+def bin_parts(refs: References, k: int, axis: int, first: int, last: int, scratch: SpatialScratch):
+    """Grow the boxes of bins by the parts of a reference in them, from its first to its last bin along an axis."""
+    bins = scratch.grow.bins
     triangles, box = refs.triangles, refs.tree.boxes
     corners = corners_along(triangles, 12 * np.int64(refs.tree.order[k]), axis)
     middle, end = peek(triangles, corners[1] + axis), high(box, BOX * k, axis)
@@ -52,7 +55,7 @@ def bin_parts(refs: References, k: int, axis: int, bins, grid):
     before = section(triangles, corners, axis, x)
     for b in range(first, last + 1):
         start = x
-        x = max(min(origin + (b + 1) * width, end), start) if b < last else end
+        x = max(min(peek(scratch.planes, axis * PARTS + b), end), start) if b < last else end
         after = section(triangles, corners, axis, x)
         part = hull(before, after)
         if start <= middle and middle <= x:
@@ -76,7 +79,9 @@ def fill_parts(refs: References, begin: int, end: int, node: int, scratch: Spati
     for axis in range(3):
         extent = high(tree.bounds, BOX * node, axis) - low(tree.bounds, BOX * node, axis)
         scratch.sides[axis] = PARTS / extent if extent > 0.0 and PARTS / extent < np.inf else 0.0
-        scratch.sides[HALF + axis] = extent / PARTS
+        start, width = np.float64(low(tree.bounds, BOX * node, axis)), np.float64(extent / PARTS)
+        for k in range(PARTS):
+            scratch.planes[axis * PARTS + k] = start + (k + 1) * width
     scratch.sides[3] = 0.0
     least, scale = load(tree.bounds, BOX * node, HALF), load(scratch.sides, 0, HALF)
     for k in range(begin, end):
@@ -88,12 +93,11 @@ def fill_parts(refs: References, begin: int, end: int, node: int, scratch: Spati
             if first[axis] == last[axis]:
                 include(bins, BOX * (axis * PARTS + first[axis]), tree.boxes, BOX * k)
             else:
-                grid = (first[axis], last[axis], low(tree.bounds, BOX * node, axis), scratch.sides[HALF + axis])
-                bin_parts(refs, k, axis, bins, grid)
+                bin_parts(refs, k, axis, first[axis], last[axis], scratch)
 
 
 @subroutine
-def best_cut(refs: References, node: int, scratch: SpatialScratch) -> Cut:
+def best_cut(scratch: SpatialScratch) -> Cut:
     """Cheapest of all planes between bins, where references on both sides count twice."""
     best_axis, best_bin, best_cost = -1, 0, np.inf
     bins, counts, grown, right = scratch.grow.bins, scratch.grow.counts, scratch.grow.grown, scratch.grow.right
@@ -114,8 +118,7 @@ def best_cut(refs: References, node: int, scratch: SpatialScratch) -> Cut:
                 cost = half_area(grown, 0) * number + right[k + 1]
                 if cost < best_cost:
                     best_axis, best_bin, best_cost = axis, k, cost
-    start = low(refs.tree.bounds, BOX * node, max(best_axis, 0))
-    return Cut(best_axis, start + (best_bin + 1) * scratch.sides[HALF + max(best_axis, 0)], best_cost)
+    return Cut(best_axis, peek(scratch.planes, max(best_axis, 0) * PARTS + best_bin), best_cost)
 
 
 @subroutine
@@ -202,7 +205,7 @@ def split(refs: References, node: int, depth: int, scratch: SpatialScratch):
         cost, shared = cost_of(plane, scratch)
         if shared > peek(refs.margins, LEAST):
             fill_parts(refs, begin, end, node, scratch)
-            cut = best_cut(refs, node, scratch)
+            cut = best_cut(scratch)
             if cut.axis >= 0 and cut.cost < cost:
                 middle, free = divide_all(refs, node, cut, scratch)
                 if begin < middle and middle < free:

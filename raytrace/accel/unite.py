@@ -49,7 +49,7 @@ def unite(work: HitWork, counts, n: int, starts, keys, left):
         place += counts[ray] & (MARKED - 1)
     for i in range(found):
         ray = work.hit_ray[i]
-        keys[starts[ray]] = (work.hit_prim[i] << 32) | i
+        keys[starts[ray]] = (np.int64(work.hit_prim[i]) << 32) | i
         starts[ray] += 1
         left[i] = 1
     begin = 0
