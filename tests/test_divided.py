@@ -7,7 +7,7 @@ import rays
 import raytrace as rt
 from divided_rays import aimed_at_cuts, beams
 from raytrace.accel import build as building
-from raytrace.accel import dividing, hit_lists, unite
+from raytrace.accel import dividing, hit_lists, spatial, unite
 from raytrace.accel.layout import boxes_of, children_of, triangles_of
 from raytrace.hardcases.query_oracle import HitJudge
 from raytrace.jit import interpreted
@@ -159,7 +159,7 @@ def test_interpreted_and_compiled_trees_are_the_same(precision, monkeypatch):
     monkeypatch.setattr(dividing, "WORTH", -1.0)
     mesh = beams(30, 8, seed=4)
     compiled = rt.BVH(*mesh, precision)
-    monkeypatch.setattr(dividing, "grow_spatial", interpreted(dividing.grow_spatial))
+    monkeypatch.setattr(spatial, "grow_spatial", interpreted(spatial.grow_spatial))
     plain = rt.BVH(*mesh, precision)
     assert compiled.stats.references > 1.05
     assert rays.same_bits(compiled.tree.nodes.child, plain.tree.nodes.child)

@@ -1,5 +1,7 @@
 """Whether long triangles of a mesh are to be divided among several leaves, and the tree in which they are."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,7 +9,9 @@ from raytrace import parallel
 from raytrace.accel.boxes import BOX
 from raytrace.accel.grow import Binary, Subtree, make_binary
 from raytrace.accel.lanes import NODE
-from raytrace.accel.spatial import References, grow_spatial, make_spatial_scratch
+
+if TYPE_CHECKING:
+    from raytrace.accel.clip import References
 
 SAMPLE = 4096  # triangles from which the median is estimated
 ROWS = 8192  # boxes that are measured at a time, in the cache
@@ -69,9 +73,11 @@ def divided_tree(
     with np.errstate(all="ignore"):
         if not tests_spared(boxes, order, triangles) > WORTH:
             return None
+    from raytrace.accel import spatial  # few meshes need it
+
     refs = references_of(boxes, order, triangles)
     tree, dtype = refs.tree, boxes.dtype
-    used = grow_spatial(refs, Subtree(0, 0, 1, small), make_spatial_scratch(dtype))
+    used = spatial.grow_spatial(refs, Subtree(0, 0, 1, small), spatial.make_spatial_scratch(dtype))
     pending = np.flatnonzero(tree.left[:used] < 0)
     places = 2 * (refs.limit[pending] - tree.first[pending]).astype(np.int64)
     roots = zip(pending, used + np.cumsum(places) - places, strict=True)
@@ -79,14 +85,18 @@ def divided_tree(
     counts = [used]
 
     def finish(subtree: Subtree) -> None:
-        counts.append(grow_spatial(refs, subtree, make_spatial_scratch(dtype)) - subtree.free)
+        counts.append(spatial.grow_spatial(refs, subtree, spatial.make_spatial_scratch(dtype)) - subtree.free)
 
     parallel.together(finish, subtrees, None)
     return tree, sum(counts)
 
 
-def references_of(boxes: NDArray[np.floating], order: NDArray[np.int32], triangles: NDArray[np.floating]) -> References:
+def references_of(
+    boxes: NDArray[np.floating], order: NDArray[np.int32], triangles: NDArray[np.floating]
+) -> "References":
     """Return the root of a tree that may divide triangles: one reference to each, and free places."""
+    from raytrace.accel.clip import References
+
     n, dtype = len(order), boxes.dtype
     room = n + int(ROOM * n)
     numbers, places = np.zeros(room, np.int32), np.zeros((room, BOX), dtype)
