@@ -124,7 +124,7 @@ def grown(name, precision="float32", split="sah", triangle="watertight"):
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("name", MESHES)
 def test_trees_are_healthy(name, precision, split):
-    tree, triangles, levels = grown(name, precision, split)
+    tree, triangles, levels, _ = grown(name, precision, split)
     assert flaws(tree, triangles) == []
     assert tree.nodes.bounds.dtype == tree.leaves.rows.dtype == precision
     assert depth(children_of(tree.nodes)) <= levels
@@ -133,7 +133,7 @@ def test_trees_are_healthy(name, precision, split):
 @pytest.mark.parametrize("triangle", ["watertight", "moller-trumbore"])
 @pytest.mark.parametrize("split", SPLITS)
 def test_equal_meshes_give_equal_trees(split, triangle):
-    (a, _, _), (b, _, _) = (grown("soup", "float32", split, triangle) for _ in range(2))
+    (a, _, _, _), (b, _, _, _) = (grown("soup", "float32", split, triangle) for _ in range(2))
     for x, y in zip((*a.nodes, *a.leaves), (*b.nodes, *b.leaves), strict=True):
         assert rays.same_bits(x, y)
 
@@ -148,7 +148,7 @@ def test_interpreted_and_compiled_trees_are_the_same(name, precision, split, mon
     for few in (-1, 10**9):
         monkeypatch.setattr("raytrace.accel.build.SMALL_MESH", few)
         trees.append(build(vertices.astype(precision), faces[:300].astype(np.int32), split, "watertight"))
-    for a, b in zip(*((*tree.nodes, *tree.leaves, triangles) for tree, triangles, _ in trees), strict=True):
+    for a, b in zip(*((*tree.nodes, *tree.leaves, triangles) for tree, triangles, _, _ in trees), strict=True):
         assert rays.same_bits(a, b)
 
 
@@ -177,7 +177,7 @@ def test_trees_stay_shallow(name, precision, split):
 def test_a_long_geometric_row_ends_at_the_greatest_depth(split):
     """The SAH splits off few at a time here; numbers of this size would make a list of 900 levels."""
     vertices, faces = spaced_exponentially(900)
-    tree, triangles, levels = build(vertices, faces.astype(np.int32), split, "watertight")
+    tree, triangles, levels, _ = build(vertices, faces.astype(np.int32), split, "watertight")
     assert flaws(tree, triangles) == []
     assert levels < 75
     hits = rt.BVH(vertices, faces, "float64", split).closest_hit(vertices[faces].mean(axis=1) * [1, 1, 0.5], [0, 0, 1])
@@ -205,7 +205,7 @@ def test_normals_are_unit_and_exact_to_rounding_even_of_needles(precision):
     vertices, faces = rays.soup(500, seed=5, size=1.0)
     vertices[2::3] = (vertices[0::3] + vertices[1::3]) / 2 + 1e-5 * np.random.default_rng(6).normal(size=(500, 3))
     vertices = vertices.astype(precision)
-    _, triangles, _ = build(vertices, faces.astype(np.int32), "sah", "watertight")
+    _, triangles, _, _ = build(vertices, faces.astype(np.int32), "sah", "watertight")
     corners = vertices[faces].astype(np.longdouble)
     expected = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     expected /= np.sqrt((expected * expected).sum(axis=1, keepdims=True))
@@ -223,7 +223,7 @@ def test_normals_in_double_lose_nothing_where_edges_are_nearly_parallel():
     b = 0.5 * a + 10.0 ** rng.uniform(-12, -6, (300, 1)) * rng.normal(size=(300, 3))
     a[0], b[0] = (1 + 2.0**-52, 1, 0), (1, 1 - 2.0**-52, 0)  # both products are rounded to 1
     vertices = np.stack([0 * a, a, b], axis=1).reshape(-1, 3)
-    _, triangles, _ = build(vertices, np.arange(900, dtype=np.int32).reshape(-1, 3), "sah", "watertight")
+    _, triangles, _, _ = build(vertices, np.arange(900, dtype=np.int32).reshape(-1, 3), "sah", "watertight")
     for i in range(300):
         n = exact.cross(exact.exact(a[i]), exact.exact(b[i]))
         largest = max(abs(x) for x in n)
@@ -259,7 +259,7 @@ def planted():
 
 @pytest.mark.parametrize("case", range(9))
 def test_the_validator_sees_what_is_broken(case):
-    tree, triangles, _ = grown("soup")
+    tree, triangles, _, _ = grown("soup")
     part, field, damage, message = list(planted())[case]
     record = getattr(tree, part)
     changed = getattr(record, field).copy()
@@ -271,9 +271,9 @@ def test_the_validator_sees_what_is_broken(case):
 
 @pytest.mark.parametrize("name", ["with flat ones", "torus", "soup"])
 def test_the_tree_does_not_depend_on_how_triangles_are_shared_out_to_be_measured(name, monkeypatch):
-    whole, triangles, levels = grown(name)
+    whole, triangles, levels, _ = grown(name)
     monkeypatch.setattr(building, "STRETCH", 7)
-    parts, same, depth = grown(name)
+    parts, same, depth, _ = grown(name)
     assert levels == depth
     assert rays.same_bits(triangles, same)
     assert rays.same_bits(whole.nodes.bounds, parts.nodes.bounds)

@@ -19,6 +19,7 @@ from raytrace.records import MollerTrumboreLeaves, Tree, WatertightLeaves
 SMALL_MESH = 64  # triangles: up to so many, the interpreter builds the tree, which is faster than compilation
 SUBTREES, MIN_SUBTREE = 32, 4096  # threads build subtrees of at most 1 / SUBTREES of the triangles, or MIN_SUBTREE
 EDGE_1, EDGE_2, MINOR, ROOM = 9, 9 + VECTOR, 9 + 2 * VECTOR, 9 + 2 * VECTOR + TERMS  # places in scratch memory
+DIVIDED = 1024  # triangles of the smallest mesh of which large ones are divided among leaves
 STRETCH = 32768  # triangles that a thread measures at a time
 LEAVES = {"watertight": WatertightLeaves, "moller-trumbore": MollerTrumboreLeaves}
 
@@ -93,7 +94,7 @@ def measure(vertices, faces, triangles, boxes, order, corner):
     return number
 
 
-def build(vertices, faces, split, triangle):
+def build(vertices, faces, split, triangle, divide=True):
     """Build the tree of a mesh.
 
     Parameters
@@ -102,6 +103,8 @@ def build(vertices, faces, split, triangle):
     faces : (m, 3) int array
     split, triangle : str
         Keys of ``SPLITS`` and ``LEAVES``.
+    divide : bool
+        Whether large triangles may lie in several leaves, if that pays. Only with "sah" and "watertight".
 
     Returns
     -------
@@ -109,20 +112,24 @@ def build(vertices, faces, split, triangle):
     triangles : (m, 12) float array
         v0, v1, v2 and the unit normal of each face; NaN normals where a face has no area, which no ray hits.
     levels : int
+    divided : bool
+        Whether triangles lie in several leaves.
     """
     m, dtype = len(faces), vertices.dtype
     steps = Steps(*(interpreted(kernel) if m <= SMALL_MESH else kernel for kernel in (measure, grow, flatten)))
     triangles, boxes, order = np.empty((m, 12), dtype), np.empty(BOX * (m + 1), dtype), np.empty(m, np.int32)
     with np.errstate(all="ignore"):
         n = _measure_all(MeasuredMesh(vertices, faces, triangles, boxes, order), steps.measure)
-        binary, count = _grow_all(make_binary(order[:n].copy(), boxes), SPLITS[split], steps.grow)
+        divide = divide and split == "sah" and triangle == "watertight" and n >= DIVIDED
+        divided = _divided(order[:n], boxes, triangles) if divide else None
+        binary, count = divided or _grow_all(make_binary(order[:n].copy(), boxes), SPLITS[split], steps.grow)
         nodes, leaves = make_nodes(max(count // 2, 1), dtype), make_leaves(LEAVES[triangle], (count + 1) // 2, dtype)
         stack = np.empty((NODE * (MAX_DEPTH + 64), 3), np.int64)
         node_count, _, levels = steps.flatten(binary, nodes, leaves, triangles, stack, np.empty(NODE, np.int64))
     fitting = make_nodes(node_count, dtype)
     fitting.bounds[:] = nodes.bounds[: len(fitting.bounds)]
     nodes = fitting
-    return Tree(nodes, leaves, extent_of(nodes)), triangles, levels
+    return Tree(nodes, leaves, extent_of(nodes)), triangles, levels, divided is not None
 
 
 def _measure_all(mesh, measure):
@@ -156,6 +163,14 @@ def extent_of(nodes):
     x, y, z = (boxes[:, 3:] - boxes[:, :3]).transpose(1, 0, 2)
     side = np.sqrt(np.mean(x * y + y * z + z * x, where=leaf) / 3) if leaf.any() else 0
     return np.array([*low, *high, side], boxes.dtype)
+
+
+def _divided(order, boxes, triangles):
+    """Grow a tree with large triangles in several leaves; return it and its number of nodes, or None if none pay."""
+    from raytrace.accel.dividing import divided_tree  # small meshes do not need it
+
+    n = len(order)
+    return divided_tree(boxes[: BOX * n].reshape(n, BOX), order, triangles, max(n // SUBTREES, MIN_SUBTREE))
 
 
 def _grow_all(binary, split, grow):

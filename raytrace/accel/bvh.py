@@ -80,7 +80,7 @@ class BVH(PointQueries):
         points, corners = mesh_arrays(vertices, faces)
         self.vertices = check_vertices(points, np.dtype(precision))
         self.faces = check_faces(corners, len(self.vertices))
-        self.tree, self.triangles, self.levels = build(self.vertices, self.faces, split, triangle)
+        self.tree, self.triangles, self.levels, self.divided = build(self.vertices, self.faces, split, triangle)
         self.grid = reorder.make_grid(self.tree)
 
     def __repr__(self) -> str:
@@ -126,18 +126,21 @@ class BVH(PointQueries):
                 f"vertices: expected {len(self.vertices)} rows, as many as the mesh has, got {len(points)}; "
                 "for another mesh, make a new BVH"
             )
-        as_built, levels, moved = self._as_built, self.levels, None
+        as_built, levels, moved, divided = self._as_built, self.levels, None, False
         if len(self.faces) > SMALL_MESH:
             from raytrace.accel import refit  # not needed where nothing moves
 
-            as_built = as_built or refit.built(self.tree, len(self.faces))
-            moved = refit.refit(self.tree, as_built, points, self.faces)
+            if self.divided:
+                *moved, levels, as_built = refit.built_whole(self.tree, points, self.faces)
+            else:
+                as_built = as_built or refit.built(self.tree, len(self.faces))
+                moved = refit.refit(self.tree, as_built, points, self.faces)
         if moved is None:
-            *moved, levels = build(points, self.faces, self.split, self.triangle)
+            *moved, levels, divided = build(points, self.faces, self.split, self.triangle)
             as_built = None
         grid = reorder.make_grid(moved[0])
         self.vertices, (self.tree, self.triangles), self.levels, self.grid = points, moved, levels, grid
-        self._as_built = as_built
+        self._as_built, self.divided = as_built, divided
         self.__dict__.pop("_closure", None)
 
     def surface(self, hits: Hits) -> Surface:
@@ -173,7 +176,7 @@ class BVH(PointQueries):
 
     @property
     def stats(self) -> TreeStats:
-        """Statistics of the tree: triangles, nodes, leaves, levels, fill, SAH cost, bytes per triangle, growth.
+        """Statistics: triangles, nodes, leaves, levels, fill, SAH cost, bytes per triangle, growth, references.
 
         Examples
         --------
@@ -181,10 +184,11 @@ class BVH(PointQueries):
         >>> rt.BVH([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).stats.leaves
         1
         """
-        return tree_stats(self.tree, self.levels, self._as_built and self._as_built.sah_cost)
+        number = int(np.isfinite(self.triangles[:, 9]).sum()) if self.divided else None
+        return tree_stats(self.tree, self.levels, self._as_built and self._as_built.sah_cost, number)
 
     def validate(self) -> None:
-        """Check that every triangle lies in one leaf, boxes contain what is below them, and all links are valid.
+        """Check that every triangle lies in a leaf, boxes contain what is below them, and all links are valid.
 
         Raises
         ------
@@ -196,6 +200,6 @@ class BVH(PointQueries):
         >>> import raytrace as rt
         >>> rt.BVH([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).validate()
         """
-        problems = tree_problems(self.tree, self.triangles)
+        problems = tree_problems(self.tree, self.triangles, self.divided)
         if problems:
             raise ValueError("\n".join(problems))

@@ -120,6 +120,7 @@ class HitTracer:
         leaves = WatertightLeaves(*bvh.tree.leaves) if crossings else bvh.tree.leaves  # the same memory in every tree
         self._tree = bvh.tree._replace(leaves=leaves)
         self.dtype, self._rows, self._surface = bvh.triangles.dtype, min(MAX_RANGE, n), surface
+        self.divided = bvh.divided  # whether a triangle may be hit in several leaves
         self._unused: list[_Scratch] = []
         self._hits, self._pairs = FIRST_HITS, FIRST_PAIRS  # per ray, for which there is memory before they are traced
 
@@ -155,6 +156,8 @@ class HitTracer:
             decide(bvh.triangles.ravel(), rays, scratch.counts, work)
         if work.state[PAIRS]:
             decide_pairs(bvh, rays, scratch.counts, work)
+        if self.divided:
+            scratch.unite(n)
         reorder.give_back(scratch.counts, n, scratch.numbers, scratch.ordered)
         return int(work.state[USED])
 
@@ -178,6 +181,18 @@ class _Scratch:
         self.hits = make_hit_work(self.sort.work, max(hits, room), max(pairs, pair_room))
         return True
 
+    def holds(self, hits: int) -> bool:
+        """Whether there is room for so many hits."""
+        return hits <= len(self.hits.hit_t) - PACKET
+
+    def unite(self, n: int) -> None:
+        """Keep one of the hits of each of n rays and each triangle, if all are here."""
+        from raytrace.accel.unite import unite  # few trees need it
+
+        found = int(self.hits.state[USED])
+        if self.holds(found):
+            unite(self.hits, self.counts, n, *(np.empty(k, np.int64) for k in (n, found, found)))
+
 
 def count_all(tracer: HitTracer, n: int, threads: int | None) -> NDArray[np.int32]:
     """Count the hits of n rays."""
@@ -185,8 +200,13 @@ def count_all(tracer: HitTracer, n: int, threads: int | None) -> NDArray[np.int3
 
     def trace(begin: int, end: int) -> None:
         scratch = tracer.take()
-        tracer.trace(begin, end, scratch, lambda _found, _certain: 0)
-        counts[begin:end] = scratch.ordered[: end - begin]
+        if tracer.divided:
+            from raytrace.accel.unite import count_united  # few trees need it
+
+            count_united(tracer, counts, (begin, end), scratch, UNCHECKED // HIT)
+        else:
+            tracer.trace(begin, end, scratch, lambda _found, _certain: 0)
+            counts[begin:end] = scratch.ordered[: end - begin]
         tracer.give(scratch)
 
     share_out(trace, n, threads)

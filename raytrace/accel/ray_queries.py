@@ -31,6 +31,7 @@ class RayQueries:
     vertices: NDArray[np.floating]  # (v, 3) f
     faces: NDArray[np.int32]  # (m, 3)
     levels: int
+    divided: bool  # whether large triangles lie in several leaves
     grid: reorder.Grid
     _closure: Closure | None = None  # what ``contains`` knows of the mesh
 

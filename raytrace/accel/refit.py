@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from raytrace import parallel
 from raytrace.accel.boxes import BOX, clear, include, low
-from raytrace.accel.build import MeasuredMesh, _measure_all, extent_of, measure, minor
+from raytrace.accel.build import MeasuredMesh, _measure_all, build, extent_of, measure, minor
 from raytrace.accel.flatten import fill_box
 from raytrace.accel.grow import HALF
 from raytrace.accel.lanes import (
@@ -77,6 +77,17 @@ def built(tree: Tree, number: int) -> Built:
     inside = np.zeros(number, bool)
     inside[slots[slots >= 0]] = True
     return Built(slots, np.flatnonzero(~inside), sah_cost(tree.nodes))
+
+
+def built_whole(
+    tree: Tree, vertices: NDArray[np.floating], faces: NDArray[np.int32]
+) -> tuple[Tree, NDArray[np.floating], int, Built]:
+    """Return a new tree in place of one with divided triangles: each lies in one leaf, so it can be refitted later.
+
+    Returns its triangles, levels and what to keep of it, too. Its growth counts from the tree that it replaces.
+    """
+    whole, triangles, levels, _ = build(vertices, faces, "sah", "watertight", divide=False)
+    return whole, triangles, levels, built(whole, len(faces))._replace(sah_cost=sah_cost(tree.nodes))
 
 
 def refit(

@@ -1,6 +1,7 @@
 """Ray tracers for Python behind one interface: ``calls`` returns the calls to time, ``hits`` reads an answer."""
 
 import os
+import sys
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 from workloads import Mesh, RaySet
 
 import raytrace as rt
+from raytrace.accel import build
 
 
 class Ours:
@@ -42,6 +44,17 @@ class Ours:
     @staticmethod
     def hits(answer: Any) -> float:
         return float(np.mean(answer if isinstance(answer, np.ndarray) else answer.prim_id >= 0))
+
+
+class Whole(Ours):
+    """The same, with each triangle in one leaf."""
+
+    name = "raytrace, whole triangles"
+
+    def __init__(self, mesh: Mesh) -> None:
+        least, build.DIVIDED = build.DIVIDED, sys.maxsize
+        super().__init__(mesh)
+        build.DIVIDED = least
 
 
 class Open3D:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from building import temple
 from harness import ROOT
 
 import raytrace as rt
@@ -65,7 +66,18 @@ def slivers(count: int = 20_000) -> Mesh:
     return _separate("slivers", centre[:, None] + np.stack([-along, along, across - along], 1))
 
 
-MESHES: dict[str, Callable[[], Mesh]] = {"box": box, "sphere": sphere, "soup": soup, "slivers": slivers}
+def building(count: int = 350_000) -> Mesh:
+    """Return a temple of about so many triangles, long thin ones beside small ones."""
+    return _mesh("building", *temple(count), (4, 3, 52), 0.42, (-30, 40, 60))
+
+
+MESHES: dict[str, Callable[[], Mesh]] = {
+    "box": box,
+    "sphere": sphere,
+    "soup": soup,
+    "slivers": slivers,
+    "building": building,
+}
 
 
 def _separate(name: str, corners: np.ndarray) -> Mesh:

@@ -1,0 +1,243 @@
+"""Spatial splits [Stich2009]: triangles that cross a plane go to both sides, each with the part of its box there."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from raytrace.accel.boxes import BOX, clear, half_area, high, include, low
+from raytrace.accel.clip import BACK, BOTH, LEAST, Cut, References, corners_along, hull, section, side_of, with_corner
+from raytrace.accel.grow import (
+    HALF,
+    MAX_DEPTH,
+    SAH_BINS,
+    Binary,
+    GrowScratch,
+    Plane,
+    Subtree,
+    best_plane,
+    bound,
+    fill_bins,
+    make_grow_scratch,
+    partition,
+    split_median,
+    swap,
+)
+from raytrace.accel.lanes import NODE, bits, load, maximum, minimum, peek, store, to_int
+from raytrace.jit import inlined, kernel, subroutine
+
+PARTS = 8  # bins of a spatial split along each axis
+
+
+class SpatialScratch(NamedTuple):
+    """Scratch memory of ``grow_spatial``, for one thread."""
+
+    grow: GrowScratch
+    leaving: np.ndarray  # (3 * PARTS,) i8: references that end in each bin; ``grow.counts``: that begin there
+    planes: np.ndarray  # (3 * PARTS,) f, world units: where each bin ends
+    sides: np.ndarray  # (2 * BOX,) f, world units: boxes on both sides of a plane
+
+
+def make_spatial_scratch(dtype) -> SpatialScratch:
+    """Allocate scratch memory for boxes of that type."""
+    return SpatialScratch(
+        make_grow_scratch(dtype), np.empty(3 * PARTS, np.int64), np.empty(3 * PARTS, dtype), np.empty(2 * BOX, dtype)
+    )
+
+
+@subroutine
+def bin_parts(refs: References, k: int, axis: int, first: int, last: int, scratch: SpatialScratch):
+    """Grow the boxes of bins by the parts of a reference in them, from its first to its last bin along an axis."""
+    bins = scratch.grow.bins
+    triangles, box = refs.triangles, refs.tree.boxes
+    corners = corners_along(triangles, 12 * np.int64(refs.tree.order[k]), axis)
+    middle, end = peek(triangles, corners[1] + axis), high(box, BOX * k, axis)
+    x = low(box, BOX * k, axis)
+    before = section(triangles, corners, axis, x)
+    for b in range(first, last + 1):
+        start = x
+        x = max(min(peek(scratch.planes, axis * PARTS + b), end), start) if b < last else end
+        after = section(triangles, corners, axis, x)
+        part = hull(before, after)
+        if start <= middle and middle <= x:
+            part = with_corner(part, triangles, corners[1])
+        at = BOX * (axis * PARTS + b)
+        least = maximum(part[0], load(box, BOX * k, HALF))
+        most = maximum(part[1], load(box, BOX * k + HALF, HALF))
+        if bits(least + most > 0.0) & 7 == 0:  # else this part of the triangle lies beside the box
+            store(bins, at, minimum(load(bins, at, HALF), least))
+            store(bins, at + HALF, minimum(load(bins, at + HALF, HALF), most))
+        before = after
+
+
+@subroutine
+def fill_parts(refs: References, begin: int, end: int, node: int, scratch: SpatialScratch):
+    """Count references that begin and end in the bins of all three axes, and grow the boxes of the bins."""
+    tree, bins, counts = refs.tree, scratch.grow.bins, scratch.grow.counts
+    for k in range(3 * PARTS):
+        clear(bins, BOX * k)
+        counts[k] = scratch.leaving[k] = 0
+    for axis in range(3):
+        extent = high(tree.bounds, BOX * node, axis) - low(tree.bounds, BOX * node, axis)
+        scratch.sides[axis] = PARTS / extent if extent > 0.0 and PARTS / extent < np.inf else 0.0
+        start, width = np.float64(low(tree.bounds, BOX * node, axis)), np.float64(extent / PARTS)
+        for k in range(PARTS):
+            scratch.planes[axis * PARTS + k] = start + (k + 1) * width
+    scratch.sides[3] = 0.0
+    least, scale = load(tree.bounds, BOX * node, HALF), load(scratch.sides, 0, HALF)
+    for k in range(begin, end):
+        first = to_int(minimum((load(tree.boxes, BOX * k, HALF) - least) * scale, PARTS - 1.0))
+        last = to_int(minimum((-load(tree.boxes, BOX * k + HALF, HALF) - least) * scale, PARTS - 1.0))
+        for axis in range(3):
+            counts[axis * PARTS + first[axis]] += 1
+            scratch.leaving[axis * PARTS + last[axis]] += 1
+            if first[axis] == last[axis]:
+                include(bins, BOX * (axis * PARTS + first[axis]), tree.boxes, BOX * k)
+            else:
+                bin_parts(refs, k, axis, first[axis], last[axis], scratch)
+
+
+@subroutine
+def best_cut(scratch: SpatialScratch) -> Cut:
+    """Cheapest of all planes between bins, where references on both sides count twice."""
+    best_axis, best_bin, best_cost = -1, 0, np.inf
+    bins, counts, grown, right = scratch.grow.bins, scratch.grow.counts, scratch.grow.grown, scratch.grow.right
+    for axis in range(3):
+        first = axis * PARTS
+        clear(grown, 0)
+        number = 0
+        for k in range(PARTS - 1, 0, -1):
+            include(grown, 0, bins, BOX * (first + k))
+            number += scratch.leaving[first + k]
+            right[k] = half_area(grown, 0) * number if number > 0 else np.inf
+        clear(grown, 0)
+        number = 0
+        for k in range(PARTS - 1):
+            include(grown, 0, bins, BOX * (first + k))
+            number += counts[first + k]
+            if number > 0:
+                cost = half_area(grown, 0) * number + right[k + 1]
+                if cost < best_cost:
+                    best_axis, best_bin, best_cost = axis, k, cost
+    return Cut(best_axis, peek(scratch.planes, max(best_axis, 0) * PARTS + best_bin), best_cost)
+
+
+@subroutine
+def cost_of(plane: Plane, scratch: SpatialScratch):
+    """Cost of a plane that divides no reference, and half the surface of what the boxes on both sides share."""
+    sides, bins = scratch.sides, scratch.grow.bins
+    clear(sides, 0)
+    clear(sides, BOX)
+    before, after = 0, 0
+    for k in range(SAH_BINS):
+        b = plane.axis * SAH_BINS + k
+        if k <= plane.last_bin:
+            include(sides, 0, bins, BOX * b)
+            before += scratch.grow.counts[b]
+        else:
+            include(sides, BOX, bins, BOX * b)
+            after += scratch.grow.counts[b]
+    cost = half_area(sides, 0) * before + half_area(sides, BOX) * after
+    shared = maximum(load(sides, 0, BOX), load(sides, BOX, BOX))
+    store(sides, 0, shared)
+    apart = high(sides, 0, 0) < low(sides, 0, 0) or high(sides, 0, 1) < low(sides, 0, 1)
+    return cost, 0.0 if apart or high(sides, 0, 2) < low(sides, 0, 2) else half_area(sides, 0)
+
+
+@subroutine
+def divide_all(refs: References, node: int, cut: Cut, scratch: SpatialScratch):
+    """Move what lies in front of a plane to the front; return where the rest begins, and where it ends."""
+    tree, sides = refs.tree, scratch.sides
+    i, back = tree.first[node], tree.first[node] + tree.count[node]
+    free, limit = back, refs.limit[node]
+    while i < back:
+        side = side_of(refs, i, free, limit, cut, sides)
+        if side == BOTH:
+            tree.order[free] = tree.order[i]
+            store(tree.boxes, BOX * free, load(sides, BOX, BOX))
+            store(tree.boxes, BOX * i, load(sides, 0, BOX))
+            free += 1
+        if side == BACK:
+            back -= 1
+            swap(tree, i, back)
+        else:
+            i += 1
+    return i, free
+
+
+@inlined
+def sum_of_areas(tree: Binary, begin: int, end: int) -> float:
+    """Half the surfaces of the boxes of some references, added."""
+    total = 0.0
+    for k in range(begin, end):
+        total += np.float64(half_area(tree.boxes, BOX * k))
+    return total
+
+
+@subroutine
+def share_places(refs: References, begin: int, middle: int, end: int, limit: int):
+    """Share the free places behind two halves in proportion to their areas; return where the second half begins now."""
+    tree = refs.tree
+    before, after = sum_of_areas(tree, begin, middle), sum_of_areas(tree, middle, end)
+    gap = int((limit - end) * (before / (before + after))) if before + after > 0.0 else 0
+    for k in range(min(gap, end - middle)):
+        source, target = middle + k, max(middle + gap, end) + k
+        tree.order[target] = tree.order[source]
+        store(tree.boxes, BOX * target, load(tree.boxes, BOX * source, BOX))
+    return middle + gap
+
+
+@subroutine
+def split(refs: References, node: int, depth: int, scratch: SpatialScratch):
+    """Split the references of a node, and divide some of them if that is cheaper.
+
+    Returns where the second half begins, and where it ends.
+    """
+    tree = refs.tree
+    begin, end = tree.first[node], tree.first[node] + tree.count[node]
+    middles = scratch.grow.middles
+    if depth >= MAX_DEPTH:
+        return split_median(tree, begin, end, middles), end
+    fill_bins(tree, begin, end, scratch.grow)
+    plane = best_plane(scratch.grow)
+    if plane.axis < 0:
+        return split_median(tree, begin, end, middles), end
+    if end < refs.limit[node]:
+        cost, shared = cost_of(plane, scratch)
+        if shared > peek(refs.margins, LEAST):
+            fill_parts(refs, begin, end, node, scratch)
+            cut = best_cut(scratch)
+            if cut.axis >= 0 and cut.cost < cost:
+                middle, free = divide_all(refs, node, cut, scratch)
+                if begin < middle and middle < free:
+                    return middle, free
+                return split_median(tree, begin, end, middles), end
+    return partition(tree, begin, end, plane, scratch.grow), end
+
+
+@kernel
+def grow_spatial(refs: References, subtree: Subtree, scratch: SpatialScratch):
+    """Split a node down to leaves, or to nodes that are left to other calls; return the next free node."""
+    tree, stack = refs.tree, scratch.grow.stack
+    stack[0, 0], stack[0, 1] = subtree.node, subtree.depth
+    free, top = subtree.free, 1
+    while top > 0:
+        top -= 1
+        node, depth = stack[top, 0], stack[top, 1]
+        begin, count, limit = tree.first[node], tree.count[node], refs.limit[node]
+        if depth > subtree.depth and count <= subtree.small:
+            tree.left[node] = ~depth
+            continue
+        bound(tree, begin, begin + count, node, scratch.grow.middles)
+        if count <= NODE:
+            tree.left[node] = 0
+            continue
+        middle, end = split(refs, node, depth, scratch)
+        after = share_places(refs, begin, middle, end, limit) if end < limit else middle
+        tree.left[node] = free
+        tree.first[free], tree.count[free], refs.limit[free] = begin, middle - begin, after
+        tree.first[free + 1], tree.count[free + 1], refs.limit[free + 1] = after, end - middle, limit
+        stack[top, 0], stack[top, 1] = free + 1, depth + 1
+        stack[top + 1, 0], stack[top + 1, 1] = free, depth + 1
+        top += 2
+        free += 2
+    return free
