@@ -92,12 +92,12 @@ def _spectra(report: Any, plots: Mapping[str, bytes]) -> str:
     if not report.spectra:
         return ""
     plot = _plot(plots, SPECTRUM) if f"{SPECTRUM}.svg" in plots else ""
-    rows = [["error image", "power of low frequencies"], *spectrum_rows(report.spectra)]
+    rows = [["noise of", "power of low frequencies"], *spectrum_rows(report.spectra)]
     return f"""<h2>Is the noise blue?</h2>
-<p>Power spectrum of the error image, averaged over directions. White noise is 1 everywhere. Blue noise has little power
+<p>Power spectrum of the noise, averaged over directions. White noise is 1 everywhere. Blue noise has little power
 at low frequencies, left: it is fine-grained, and the eye or a filter averages it away.</p>
 <div class="plots">{plot}<div>{html_table(rows)}<p class="quiet">Low: below 1/8 cycle per pixel, in patches of more than
-8 pixels. Relative to white noise, with the 95 % interval from the scatter between renders.</p></div></div>"""
+8 pixels. Relative to white noise, with the 95 % interval from the scatter between pairs of renders.</p></div></div>"""
 
 
 def _table(report: Any) -> str:

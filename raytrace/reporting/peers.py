@@ -111,7 +111,7 @@ class MitsubaScene:
             self.scene = mi.load_file(str(Path(name) / exported.scene))
 
     def passes_of(self, spp: int) -> tuple[int, int]:
-        """Return the number of passes, a power of 4, and the samples per pixel of each: for ``multijitter``, a square."""
+        """Return the number of passes, a power of 4, and the samples per pixel of each: a square for multijitter."""
         passes = 1
         while spp * self.size[0] * self.size[1] > PASS * passes and spp >= 4 * passes:
             passes *= 4
@@ -129,7 +129,7 @@ class MitsubaScene:
         rgb = self._pass(spp, seed)
         for k in range(1, passes):
             rgb = rgb + self._pass(spp, (seed + k * SEED_STEP) % (MAX_SEED + 1))
-        return _image(rgb / passes if passes > 1 else rgb, passes * spp, compiling)
+        return _image(rgb / np.float32(passes), passes * spp, compiling)
 
     def _pass(self, spp: int, seed: int) -> NDArray[np.float32]:
         return np.array(import_module("mitsuba").render(self.scene, spp=spp, seed=seed), np.float32)[..., :3]
@@ -148,9 +148,9 @@ class TextbookScene:
         from raytrace import textbook  # only where it is asked for
 
         rgb = textbook.render(self.scene, int(step), self.size, seed)
-        return _image(np.asarray(rgb, np.float32), int(step), 0.0)
+        return _image(rgb, int(step), 0.0)
 
 
-def _image(rgb: NDArray[np.float32], spp: int, compiling: float) -> PeerImage:
+def _image(rgb: NDArray[Any], spp: int, compiling: float) -> PeerImage:
     samples = spp * rgb.shape[0] * rgb.shape[1]
-    return PeerImage(rgb, {"compile_seconds": compiling, "rays": {}, "samples": samples})
+    return PeerImage(np.asarray(rgb, np.float32), {"compile_seconds": compiling, "rays": {}, "samples": samples})

@@ -85,7 +85,7 @@ class PrecisionPairs:
         self._spp, self._differences = 0, list[NDArray[np.float32]]()
 
     def add(self, precision: str, spp: int, number: int, codes: NDArray[np.float64]) -> None:
-        """Add render `number` in a precision; `codes` are its sRGB codes. Only the first has fewer samples than others."""
+        """Add render `number` in a precision; `codes` are its sRGB codes."""
         if number and (spp != self._spp or number >= MOST):
             return
         other = self._waiting.pop((spp, number), None)

@@ -1,4 +1,4 @@
-"""The spectrum of an error image: is the noise blue, white, or in large patches?"""
+"""The spectrum of noise: whether it is blue, white, or in large patches."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,19 +14,21 @@ TOLERANCE = 0.2  # a low-frequency power that differs from 1 by less counts as w
 
 
 class Spectrum(NamedTuple):
-    """Radially averaged power spectra of the error images of one point."""
+    """Radially averaged power spectrum of the noise of one point."""
 
     name: str
     frequency: NDArray[np.float64]  # (BINS,): middles of the bins, cycles per pixel
-    power: NDArray[np.float64]  # (BINS,): averaged over the images; 1 everywhere: white noise. NaN: no frequency there
-    low: float  # mean power of the low frequencies, averaged over the images
-    interval: Interval  # of `low`, from the scatter between images
+    power: NDArray[
+        np.float64
+    ]  # (BINS,): averaged over pairs of renders; 1 everywhere: white noise. NaN: no frequency there
+    low: float  # mean power of the low frequencies, averaged over pairs of renders
+    interval: Interval  # of `low`, from the scatter between pairs
 
     @property
     def verdict(self) -> str:
         """What kind of noise it is, as far as the interval tells."""
         if not self.interval.known:
-            return "unknown: one image"
+            return "unknown: too few renders"
         if self.interval.high < 1 - TOLERANCE:
             return "blue: fine-grained"
         if self.interval.low > 1 + TOLERANCE:
@@ -37,12 +39,14 @@ class Spectrum(NamedTuple):
 
 
 def radial_power(error: NDArray[np.floating]) -> tuple[NDArray[np.float64], float]:
-    """Return the radially averaged power spectrum of an error image, and its mean power of low frequencies.
+    """Return the radially averaged power spectrum of noise, and its mean power of low frequencies.
 
     Parameters
     ----------
     error : (h, w) or (h, w, 3) array of float
-        Difference of an image from the reference. Channels are averaged after the transform.
+        Difference of two renders with different seeds, which has twice the noise of each. Channels are averaged after
+        the transform. The difference from a reference has a part besides noise: sRGB codes are not linear in light,
+        so their mean over all seeds is off at edges, which looks like noise in patches.
 
     Returns
     -------
@@ -82,7 +86,7 @@ def radial_power(error: NDArray[np.floating]) -> tuple[NDArray[np.float64], floa
 
 
 def spectrum_of(name: str, spectra: Sequence[tuple[NDArray[np.float64], float]]) -> Spectrum:
-    """Combine the spectra of several images of one point, each with its own seed."""
+    """Combine the spectra of several pairs of renders of one point."""
     lows = [low for _, low in spectra]
     power = np.mean([radial for radial, _ in spectra], axis=0)
     return Spectrum(name, (np.arange(BINS) + 0.5) / (2 * BINS), power, float(np.mean(lows)), of_mean(lows))

@@ -30,6 +30,7 @@ class Task:
         self.squares: list[float] = []  # MSE of each render, sRGB codes
         self.comparison: Comparison | None = None  # of the first render
         self.judging = 0.0  # s: to measure the errors of a later render
+        self.error: NDArray[np.float64] | None = None  # of the last render, if its spectrum is measured
         self.rays, self.spp = 0, 0.0
         self.flip: float | None = None
 
