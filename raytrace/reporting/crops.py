@@ -36,11 +36,12 @@ def step_for(curve: Sequence[Point], seconds: float) -> float | None:
 
 
 def windows_of(error: NDArray[np.floating]) -> tuple[tuple[int, int, int], ...]:
-    """Return the square windows in which the sum of an error (h, w) is largest, and which do not overlap.
+    """Return the square windows around the places where an error (h, w) is largest; they do not overlap.
 
     Returns
     -------
     tuple of (x, y, side), pixels
+        In their middle, or as near as the border allows, is the square of a third of their side with the largest sum.
 
     Examples
     --------
@@ -51,16 +52,20 @@ def windows_of(error: NDArray[np.floating]) -> tuple[tuple[int, int, int], ...]:
     """
     height, width = error.shape
     side = max(min(height, width) // SHARE, min(2, height, width))
+    core = max(side // 3, 1)
     total = np.zeros((height + 1, width + 1))
     total[1:, 1:] = np.asarray(error, np.float64).cumsum(axis=0).cumsum(axis=1)
-    sums = total[side:, side:] - total[:-side, side:] - total[side:, :-side] + total[:-side, :-side]
+    sums = total[core:, core:] - total[:-core, core:] - total[core:, :-core] + total[:-core, :-core]
     found = []
     for _ in range(WINDOWS):
         y, x = divmod(int(sums.argmax()), sums.shape[1])
         if sums[y, x] < 0.0:
             break
-        found.append((x, y, side))
-        sums[max(y - side + 1, 0) : y + side, max(x - side + 1, 0) : x + side] = -1.0
+        left = min(max(x - (side - core) // 2, 0), width - side)
+        top = min(max(y - (side - core) // 2, 0), height - side)
+        found.append((left, top, side))
+        away = side + core  # of the next core: its window may not overlap
+        sums[max(y - away, 0) : y + away, max(x - away, 0) : x + away] = -1.0
     return tuple(found)
 
 

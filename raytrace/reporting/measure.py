@@ -169,7 +169,9 @@ class Sweep:
         if way.adaptive or not way.standard:
             return
         if task.step == SPECTRUM_SPP and way.precision == self.tasks[0].scene.configuration.precision:
-            if number % 2 and task.error is not None:  # the difference of two renders: what all have in common is no noise
+            if (
+                number % 2 and task.error is not None
+            ):  # the difference of two renders: what all have in common is no noise
                 self._spectra.setdefault(task.name, []).append(radial_power(codes - task.error))
             task.error = codes
         if way.sampler == "sobol" and way.selectable:

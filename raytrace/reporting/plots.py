@@ -51,12 +51,12 @@ NIGHT = Theme(
     "#a8a8a8",
 )
 DARK = "-dark.svg"  # end of the names of plots for a dark page
-SIZE, DPI = (8.0, 6.4), 120  # inches; dots per inch of the PNG. Half of a projected page of 1920 pixels
+SIZE, DPI = (8.0, 7.8), 120  # inches; dots per inch of the PNG. Half of a projected page of 1920 pixels
 FAR = 30.0  # the floor of float32 is a line in the plot if the smallest error is at most so many times larger
 STYLE: Any = {
     "font.size": 15,
     "axes.titlesize": 16,
-    "legend.fontsize": 12.5,
+    "legend.fontsize": 12,
     "lines.linewidth": 2.2,
     "axes.grid": True,
     "grid.alpha": 0.3,
@@ -111,7 +111,9 @@ def make_plots(shown: Plotted) -> dict[str, bytes]:
         with mpl.rc_context(STYLE | _colours(theme)):
             for name, draw in draws.items():
                 figure = Figure(SIZE)
-                draw(shown, theme, figure.add_axes((0.15, 0.125, 0.835, 0.81)))
+                axes = figure.add_axes((0.15, 0.345, 0.835, 0.61))
+                draw(shown, theme, axes)
+                axes.legend(loc="upper center", bbox_to_anchor=(0.45, -0.15), ncols=2, frameon=False)  # on no curve
                 for kind in kinds:
                     files[name + kind] = _saved(figure, kind[-3:])
     return files
@@ -180,7 +182,6 @@ def _against_time(shown: Plotted, theme: Theme, axes: Any) -> None:
         axes.plot(times, errors, "o", markersize=14, markerfacecolor="none", markeredgecolor=theme.ink, alpha=0.6)
     _scale(axes, shown.points, shown.title, "seconds per image")
     _floor_line(axes, shown.points, shown.floor, theme)
-    axes.legend(loc="upper right", framealpha=0.85)
 
 
 def _samples_of(shown: Plotted, theme: Theme, axes: Any) -> None:
@@ -196,7 +197,7 @@ def against_samples(
     *,
     theme: Theme = LIGHT,
 ) -> None:
-    """Plot error against samples on matplotlib axes; the legend has the last local slope that is certain."""
+    """Plot error against samples on matplotlib axes; the labels have the last local slope that is certain."""
     last = {slope.configuration: slope for slope in slopes if slope.certain}
     for configuration, curve in curves_of(points).items():
         x, y, look = [p.spp for p in curve], [p.rmse_srgb for p in curve], _look(configuration, theme)
@@ -207,7 +208,6 @@ def against_samples(
         axes.vlines(x, [e.low for e in ends], [e.high for e in ends], color=look["color"], linewidth=1.2)
     _scale(axes, points, title, "samples per pixel")
     _floor_line(axes, points, floor, theme)
-    axes.legend(loc="upper right", framealpha=0.85)
 
 
 def _floor_line(axes: Any, points: Sequence[Point], floor: Floor | None, theme: Theme) -> None:
@@ -234,7 +234,6 @@ def _spectra(shown: Plotted, theme: Theme, axes: Any) -> None:
     axes.axhline(1.0, color=theme.ink, linewidth=1.2, linestyle=":", label="white noise")
     axes.set(title=shown.title, xlabel="frequency, cycles per pixel", ylabel="power, relative to white noise")
     axes.set(xlim=(0, 0.5), ylim=(0, None))
-    axes.legend(loc="best", framealpha=0.85)
 
 
 def heat(error: Any) -> Any:

@@ -15,10 +15,14 @@ from raytrace.reporting.spectrum import Spectrum
 HEADER = "", "spp", "s", "± %", "Mray/s", "MB", "RMSE", "RMSE sRGB", "± %", "rel.MSE", "MRSE", "bias", "tile", "SSIM"
 HEADER_END = "effic.", ""
 LEGEND = """\
-s: median; ± %: half of the 95 % interval of the number before it; RMSE: in linear light; RMSE sRGB: of sRGB codes, 0 to 1;
-bias: of the worst channel; tile: the worst of 8x8 pixels, relative; MRSE: squared error relative to (value + 0.01)^2;
-FLIP: mean, as shown on a screen; effic.: 1 / (MSE of sRGB codes x s); *: Pareto front, no other is faster and as accurate."""
-COSTS_LEGEND = "Interpolated between neighbouring points on logarithmic axes; ±: half of the 95 % interval; -: not within the measured range."
+s: median; ± %: half of the 95 % interval of the number before it; RMSE: in linear light; RMSE sRGB: of sRGB codes,
+0 to 1; bias: of the worst channel; tile: the worst of 8x8 pixels, relative; MRSE: squared error relative to
+(value + 0.01)^2; FLIP: mean, as shown on a screen; effic.: 1 / (MSE of sRGB codes x s); *: Pareto front, no other is
+faster and as accurate."""
+COSTS_LEGEND = (
+    "Interpolated between neighbouring points on logarithmic axes; ±: half of the 95 % interval; "
+    "-: not within the measured range."
+)
 
 
 def has_flip(points: Sequence[Point]) -> bool:

@@ -47,4 +47,5 @@ def convergence(report: Report) -> Drawing:
         axes = figure.subplots()
         axes.grid(alpha=0.3)
         against_samples(report.points, report.slopes, report.floor, title, axes)
+        axes.legend(fontsize=10)
     return Drawing(title, data, figure)
