@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from raytrace.reporting.advice import recommendations, recommended
+from raytrace.reporting.advice import recommendations, recommended, seconds_text, setting
 from raytrace.reporting.configurations import Configuration
 from raytrace.reporting.precision_floor import Floor
 from synthetic_points import DOUBLE, SOBOL, STRATIFIED, curve, point
@@ -50,7 +50,7 @@ def random_table(rng):
 
 def test_no_measured_setting_beats_a_recommended_one_in_time_and_error():
     rng, told = np.random.default_rng(5), 0
-    for _ in range(300):
+    for _ in range(100):
         points = random_table(rng)
         own = [p for p in points if p.configuration.selectable]
         for error in (0.1, 0.2, 0.3, 0.5, 0.9):
@@ -63,20 +63,18 @@ def test_no_measured_setting_beats_a_recommended_one_in_time_and_error():
             assert best.rmse_srgb <= error
             better = [p for p in own if p.seconds <= best.seconds and p.rmse_srgb <= best.rmse_srgb]
             assert {(p.seconds, p.rmse_srgb) for p in better} == {(best.seconds, best.rmse_srgb)}
-    assert told > 500
+    assert told > 150
 
 
 def test_sentences_name_rows_of_the_table():
     rng = np.random.default_rng(6)
     for _ in range(50):
         points = random_table(rng)
-        rows = {(p.configuration.sampler, f"{p.seconds:.2f}", p.configuration.precision) for p in points
-                if p.configuration.selectable}  # fmt: skip
+        own = [p for p in points if p.configuration.selectable]
+        rows = {f"{setting(p)}, {seconds_text(p.seconds)}" for p in own}
         for line in sentences(points):
-            found = re.match(r"For RMSE .*?: (\w+), .*?, (float\d\d), ([\d.]+) s", line)
-            if found:
-                sampler, precision, seconds = found.groups()
-                assert (sampler, f"{float(seconds):.2f}", precision) in {(a, b, c) for a, b, c in rows}
+            if found := re.match(r"For RMSE \S+ on this scene: (.*? s)[.;( ]", line):
+                assert found[1] in rows
 
 
 def test_settings_that_the_measurement_cannot_tell_apart_are_named():
@@ -96,7 +94,10 @@ def test_only_what_a_user_can_choose_is_recommended():
 
 def test_a_test_that_loses_triangles_is_told_by_its_error():
     points = curve(SOBOL, lambda n: 0.1 / n, 1.0) + curve(MOLLER, lambda n: 0.1, 1.0)
-    assert sentences(points)[-1] == "Compared with the default, moller-trumbore costs 1x and has 64x the error."
+    assert (
+        sentences(points)[-1]
+        == "Compared with the default, moller-trumbore costs the same within the intervals and has 64x the error."
+    )
 
 
 def test_float64_is_recommended_where_float32_never_gets_there():
