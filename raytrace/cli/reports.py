@@ -9,8 +9,9 @@ from raytrace.cli import streams
 from raytrace.cli.terminal import INTERRUPTED, Reporter, at_terminal, signals_interrupt
 from raytrace.errors import printable, without_scene_warnings
 from raytrace.records import Scene
+from raytrace.reporting import sweep
 from raytrace.reporting.overview import exit_code, report_all
-from raytrace.reporting.sweep import Report, report
+from raytrace.reporting.sweep import Report
 
 
 def report_scenes(args: Namespace, load: Callable[[Namespace], Scene]) -> int:
@@ -31,7 +32,7 @@ def _one(args: Namespace, load: Callable[[Namespace], Scene], path: Path, folder
     scene = load(Namespace(**vars(args) | {"scene": path}))
     with Reporter(streams.say, bar=at_terminal()) as reporter:
         options: dict[str, Any] = {name: getattr(args, name) for name in ("reference", "budget", "size", "peers")}
-        return report(scene, folder, progress=reporter, **options)
+        return sweep.report(scene, folder, progress=reporter, **options)
 
 
 def _several(args: Namespace, load: Callable[[Namespace], Scene]) -> int:

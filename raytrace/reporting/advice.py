@@ -58,13 +58,14 @@ def recommended(points: Sequence[Point], error: float) -> Point | None:
     Notes
     -----
     Of the selectable points whose error is below `error` with certainty (the upper end of the interval, where there is
-    one), the fastest. If another selectable point beats it in time and error, that one, until none does. Between
+    one), the fastest; in the precision of the first point, if that has any. If another selectable point beats it in time and error, that one, until none does. Between
     measured points nothing is interpolated.
     """
     known = [point for point in points if point.configuration.selectable]
     reach = [point for point in known if (point.error.high if point.error.known else point.rmse_srgb) <= error]
     if not reach:
         return None
+    reach = [point for point in reach if point.configuration.precision == points[0].configuration.precision] or reach
     best = min(reach, key=lambda point: (point.seconds, point.rmse_srgb))
     return min((point for point in (*known, best) if beats(point, best) or point == best),
                key=lambda point: (point.seconds, point.rmse_srgb))  # fmt: skip

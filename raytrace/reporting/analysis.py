@@ -119,7 +119,7 @@ def nice_numbers(values: Sequence[float], most: int) -> list[float]:
     If there is none in the range, it is the geometric middle, to two digits.
 
     >>> nice_numbers([0.003, 0.4], 3), nice_numbers([0.011, 0.013], 3)
-    ([0.005, 0.05, 0.2], [0.012])
+    ([0.005, 0.02, 0.2], [0.012])
     """
     known = [value for value in values if value > 0.0]
     if not known:

@@ -48,7 +48,7 @@ def windows_of(error: NDArray[np.floating]) -> tuple[tuple[int, int, int], ...]:
     >>> error = np.zeros((12, 12))
     >>> error[3, 8] = error[10, 2] = 1.0
     >>> windows_of(error)
-    ((7, 2, 2), (1, 9, 2))
+    ((8, 3, 2), (2, 10, 2))
     """
     height, width = error.shape
     side = max(min(height, width) // SHARE, min(2, height, width))

@@ -98,6 +98,9 @@ class Sweep:
         compiling = float(_whole(configured.render(step, self._seed(0))).stats["compile_seconds"])
         warm, peak = time.perf_counter(), 0
         self.end += compiling
+        if configuration.adaptive and renders_of(configuration, step) * (warm - began - compiling) > self.end - warm:
+            self._leave_out(configuration, steps, self._late())
+            return None
         if own:  # the memory of others is not allocated by Python, or tracing it would take very long
             tracemalloc.start()
         try:
@@ -192,12 +195,21 @@ class Sweep:
         for scene in usual:
             step = step_for(curves[scene.configuration], seconds)
             if step is not None:
-                task = Task(scene, step, 0)
+                task, way = Task(scene, step, 0), scene.configuration
                 image, codes = self._render(task, 0)
                 self._done -= weight_of(scene.configuration, step)
                 error = np.abs(codes).max(axis=2).astype(np.float32)
                 found = task.point()
-                insets.append(Inset(task.name, found.spp, found.seconds, found.rmse_srgb, srgb8(image.rgb), error))
+                insets.append(
+                    Inset(
+                        task.name if way.adaptive else way.name,
+                        found.spp,
+                        found.seconds,
+                        found.rmse_srgb,
+                        srgb8(image.rgb),
+                        error,
+                    )
+                )
         return equal_time(seconds, insets) if len(insets) > 1 else None
 
     # --- time ---------------------------------------------------------------------------------------------------------

@@ -27,7 +27,9 @@ tr { border-bottom: 1px solid var(--line); } td:first-child, th:first-child { te
 table.all { font-size: .78em; } .costs { font-size: .9em; } tr.front { background: var(--front); }
 tr:hover { outline: 1px solid var(--soft); } td img { display: block; height: 5em; }
 .wide { overflow-x: auto; } small, .quiet { color: var(--soft); font-size: .82em; }
-@media (max-width: 700px) { body { font-size: 16px; } }
+td:first-child, th:first-child { position: sticky; left: 0; background: inherit; } tr { background: var(--paper); }
+@media (max-width: 700px) { body { font-size: 16px; } .plots picture { display: block; overflow-x: auto; }
+  .plots img { width: 640px; max-height: none; } td:first-child { white-space: normal; min-width: 7em; } }
 """
 SCRIPT = """
 const shown = JSON.parse(document.getElementById('shown').textContent);
