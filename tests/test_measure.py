@@ -59,7 +59,7 @@ def test_rounds_go_over_all_points_and_have_seeds_of_their_own(scene, monkeypatc
 
     monkeypatch.setattr(ConfiguredScene, "render", noted)
     sweep(scene, [SOBOL, MEDIAN])
-    rounds = [[call for call in drawn if call[2] == 4 + number] for number in range(16)]  # the scene's seed is 4
+    rounds = [[call for call in drawn if call[2] == 4 + number] for number in range(8)]  # the scene's seed is 4
     for number, calls in enumerate(rounds[1:], 1):
         steps = [(way, n) for way, n, _ in calls]
         assert sorted(steps) == sorted(
@@ -75,7 +75,7 @@ def test_rounds_go_over_all_points_and_have_seeds_of_their_own(scene, monkeypatc
 def test_errors_are_those_of_the_pictures(scene):
     reference = truth(scene)
     (point,) = (p for p in sweep(scene, reference=reference).points if p.step == 4)
-    each = [compare(render(scene, 4, SIZE, 4 + k, "float32", "sobol"), reference.rgb) for k in range(16)]
+    each = [compare(render(scene, 4, SIZE, 4 + k, "float32", "sobol"), reference.rgb) for k in range(8)]
     assert point.squares == pytest.approx([e.rmse_srgb**2 for e in each])
     assert point.rmse == pytest.approx(np.sqrt(np.mean([e.rmse**2 for e in each])))
     assert point.rmse_srgb == pytest.approx(np.sqrt(np.mean([e.rmse_srgb**2 for e in each])))
@@ -128,8 +128,8 @@ def test_what_would_not_be_done_in_time_is_not_begun(scene, monkeypatch):
     monkeypatch.setattr(measure.time, "perf_counter", lambda: now[0])
     reference = truth(scene)
     now[0] = 0.0
-    # two first pictures of 8 spp, then 16 (1 + 2 + 4) + 8 x 8 + 6 x 16 = 272: there is no time for 6 x 32 more
-    found = Sweep(scene, SIZE, reference, 400.0, lambda _share, _rays: None).run([SOBOL])
+    # two first pictures of 8 spp, then 8 (1 + 2 + 4 + 8) + 6 x 16 = 216: there is no time for 6 x 32 more
+    found = Sweep(scene, SIZE, reference, 300.0, lambda _share, _rays: None).run([SOBOL])
     assert [p.step for p in found.points] == [1, 2, 4, 8, 16]
     assert [what for what, _ in found.left_out] == ["sobol, float32: 32 spp, 64 spp, 128 spp, 256 spp"]
 

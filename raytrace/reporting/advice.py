@@ -58,8 +58,8 @@ def recommended(points: Sequence[Point], error: float) -> Point | None:
     Notes
     -----
     Of the selectable points whose error is below `error` with certainty (the upper end of the interval, where there is
-    one), the fastest; in the precision of the first point, if that has any. If another selectable point beats it in time and error, that one, until none does. Between
-    measured points nothing is interpolated.
+    one), the fastest; in the precision of the first point, if that has any. If another selectable point beats it in
+    time and error, that one, until none does. Nothing is interpolated between measured points.
     """
     known = [point for point in points if point.configuration.selectable]
     reach = [point for point in known if (point.error.high if point.error.known else point.rmse_srgb) <= error]

@@ -21,7 +21,7 @@ TEXTBOOK_SPP = 1, 4, 16  # of raytrace.textbook, which is about a thousand times
 MITSUBA_SPP = 1, 4, 16, 64, 256  # squares, which all its samplers can render
 TARGETS = 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001  # target errors of adaptive sampling
 ADAPTIVE_CAP = 4096  # limit of its samples per pixel
-RENDERS_LEAST, RENDERS_MOST = 6, 16  # renders of a point: six are the fewest that give an interval of the median
+RENDERS_LEAST, RENDERS_MOST = 6, 8  # renders of a point: six are the fewest that give an interval of the median
 RENDERS_SPP = 64  # samples per pixel of all renders of a point together, within these limits
 FEW_TRIANGLES = 4096  # scenes up to this size are also rendered without a tree
 FAR = 1e3  # "no tree": size of all boxes, relative to the largest coordinate
@@ -88,13 +88,13 @@ def steps_of(configuration: Configuration) -> tuple[float, ...]:
 
 
 def renders_of(configuration: Configuration, step: float) -> int:
-    """Renders of a point: many where they are short, and 6 from 16 samples per pixel on; two by the textbook.
+    """Renders of a point: 8 where they are short, and 6 from 16 samples per pixel on; two by the textbook.
 
     They depend on the step alone, not on the speed of the machine, so that errors can be repeated.
 
     >>> way = Configuration("sobol", "float32")
     >>> [renders_of(way, spp) for spp in (1, 4, 8, 16, 256)]
-    [16, 16, 8, 6, 6]
+    [8, 8, 8, 6, 6]
     """
     if configuration.renderer == "textbook":
         return 2

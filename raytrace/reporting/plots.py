@@ -123,7 +123,7 @@ def _saved(figure: Any, kind: str) -> bytes:
     stream = io.BytesIO()
     metadata = {"Date": None} if kind == "svg" else {"Software": None}  # the same plot gives the same bytes
     with without_glyphs():
-        figure.savefig(stream, format=kind, dpi=DPI, metadata=metadata)
+        figure.savefig(stream, format=kind, dpi=DPI, metadata=metadata, bbox_inches="tight", pad_inches=0.08)
     return stream.getvalue()
 
 
