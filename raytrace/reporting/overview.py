@@ -109,7 +109,8 @@ def _row(entry: Entry) -> str:
     name = escape(printable(entry.name))
     if entry.report is None:
         why = escape(printable(entry.message.splitlines()[0] if entry.message else "failed"))
-        return f'<tr><td></td><td style="text-align: left">{name}</td><td colspan="6" style="text-align: left">failed: {why}</td></tr>'
+        left = 'style="text-align: left"'
+        return f'<tr><td></td><td {left}>{name}</td><td colspan="6" {left}>failed: {why}</td></tr>'
     report: Any = entry.report
     link = f"{quote(entry.name)}/report.html"
     image = f'<a href="{link}"><img alt="{name}" src="{png(report.shown[0].rgb8)}"></a>'
