@@ -428,14 +428,17 @@ def measured(library, monkeypatch):
 
 def test_report_prints_the_table_and_the_page_last(measured, capsys):
     assert main.main(["report", "box.json", "-o", "out"]) == 0
-    assert measured.asked == [(Path("box.json"), Path("out"), {"reference": None, "budget": 60.0, "size": None})]
+    assert measured.asked == [
+        (Path("box.json"), Path("out"), {"reference": None, "budget": 60.0, "size": None, "peers": False})
+    ]
     assert capsys.readouterr().out.splitlines() == ["the table", "out/report.json", "out/report.html"]
 
 
 def test_options_of_a_report_reach_it(measured):
-    words = ["--reference", "truth.exr", "--budget", "7.5", "--size", "64x48"]
+    words = ["--reference", "truth.exr", "--budget", "7.5", "--size", "64x48", "--peers"]
     assert main.main(["report", "box.json", "-o", "out", *words]) == 0
-    assert measured.asked[0][2] == {"reference": Path("truth.exr"), "budget": 7.5, "size": (64, 48)}
+    wanted = {"reference": Path("truth.exr"), "budget": 7.5, "size": (64, 48), "peers": True}
+    assert measured.asked[0][2] == wanted
 
 
 def test_an_interrupted_report_leaves_with_130(measured):

@@ -10,10 +10,9 @@ def test_the_drawing_holds_and_shows_the_points_of_the_report():
     report = a_report()
     drawing = rt.show.convergence(report)
     held = np.concatenate(list(drawing.data.values()))
-    points = [p for p in report.points if not p.configuration.adaptive]  # whose samples differ from pixel to pixel
     assert sorted(map(tuple, held)) == sorted((p.spp, p.rmse_srgb, p.seconds) for p in report.points)
     (axes,) = drawing.figure.axes
-    marks = [line.get_xydata() for line in axes.lines if line.get_linestyle() == "None"]
-    assert sorted(map(tuple, np.concatenate(marks))) == sorted((p.spp, p.rmse_srgb) for p in points)
+    marks = [line.get_xydata() for line in axes.lines]
+    assert sorted(map(tuple, np.concatenate(marks))) == sorted((p.spp, p.rmse_srgb) for p in report.points)
     assert axes.get_xscale() == "log"
     assert report.about_scene["name"] in drawing.title

@@ -9,8 +9,8 @@ from raytrace.image.metrics import compare
 from raytrace.records import Settings
 from raytrace.rendering.rendering import render
 from raytrace.reporting import configurations, measure
-from raytrace.reporting.configurations import Configuration, ConfiguredScene, steps_of
-from raytrace.reporting.measure import REPETITIONS, Sweep
+from raytrace.reporting.configurations import Configuration, ConfiguredScene, renders_of, steps_of
+from raytrace.reporting.measure import Sweep
 from raytrace.reporting.reference import Reference
 from small_scenes import Part, look, make_scene, quad
 
@@ -43,7 +43,7 @@ def test_every_point_is_measured_in_every_round(scene):
     assert [(p.configuration, p.step) for p in found.points] == [
         (way, n) for way in (SOBOL, MEDIAN) for n in steps_of(way)
     ]
-    assert {len(p.times) for p in found.points} == {REPETITIONS}
+    assert all(len(p.times) == len(p.squares) == renders_of(p.configuration, p.step) for p in found.points)
     assert all(p.spp == p.step for p in found.points)
     assert found.left_out == ()
     assert not found.interrupted
@@ -59,26 +59,30 @@ def test_rounds_go_over_all_points_and_have_seeds_of_their_own(scene, monkeypatc
 
     monkeypatch.setattr(ConfiguredScene, "render", noted)
     sweep(scene, [SOBOL, MEDIAN])
-    points = len(steps_of(SOBOL)) + len(steps_of(MEDIAN))
-    rounds = [drawn[len(drawn) - (REPETITIONS - k) * points :][:points] for k in range(REPETITIONS)]
-    for number, calls in enumerate(rounds):
-        assert {seed for _, _, seed in calls} == {4 + number}  # the scene's seed is 4
-        assert [call[:2] for call in calls] == [call[:2] for call in rounds[0]]
-    same = [i for i, (_, step, _) in enumerate(rounds[0]) if step == 16]
-    assert [rounds[0][i][0] for i in same] == [SOBOL, MEDIAN]
+    rounds = [[call for call in drawn if call[2] == 4 + number] for number in range(8)]  # the scene's seed is 4
+    for number, calls in enumerate(rounds[1:], 1):
+        steps = [(way, n) for way, n, _ in calls]
+        assert sorted(steps) == sorted(
+            (w, n) for w in (SOBOL, MEDIAN) for n in steps_of(w) if number < renders_of(w, n)
+        )
+    later = [seed for *_, seed in drawn if seed != 4]
+    assert later == sorted(later)
+    same = [i for i, (_, step, _) in enumerate(rounds[1]) if step == 16]
+    assert [rounds[1][i][0] for i in same] == [SOBOL, MEDIAN]
     assert same[1] == same[0] + 1  # what is compared is measured one after the other
 
 
 def test_errors_are_those_of_the_pictures(scene):
     reference = truth(scene)
     (point,) = (p for p in sweep(scene, reference=reference).points if p.step == 4)
-    each = [compare(render(scene, 4, SIZE, 4 + k, "float32", "sobol"), reference.rgb) for k in range(REPETITIONS)]
+    each = [compare(render(scene, 4, SIZE, 4 + k, "float32", "sobol"), reference.rgb) for k in range(8)]
+    assert point.squares == pytest.approx([e.rmse_srgb**2 for e in each])
     assert point.rmse == pytest.approx(np.sqrt(np.mean([e.rmse**2 for e in each])))
     assert point.rmse_srgb == pytest.approx(np.sqrt(np.mean([e.rmse_srgb**2 for e in each])))
-    assert point.relative_mse == pytest.approx(np.mean([e.relative_mse for e in each]))
-    assert point.bias == pytest.approx(np.mean([e.bias for e in each], axis=0))
-    assert point.worst_tile == max(e.worst_tile for e in each)
-    assert point.ssim == pytest.approx(np.mean([e.ssim for e in each]))
+    assert point.relative_mse == each[0].relative_mse
+    assert point.bias == each[0].bias
+    assert point.worst_tile == each[0].worst_tile
+    assert point.ssim == each[0].ssim
 
 
 def test_two_sweeps_differ_in_their_clocks_alone(scene):
@@ -93,7 +97,7 @@ def test_two_sweeps_differ_in_their_clocks_alone(scene):
 
 def test_rays_of_all_kinds_are_counted(scene):
     (point,) = (p for p in sweep(scene).points if p.step == 4)
-    assert point.rays == sum(render(scene, 4, SIZE, 6, "float32", "sobol").stats["rays"].values())
+    assert point.rays == sum(render(scene, 4, SIZE, 4, "float32", "sobol").stats["rays"].values())
 
 
 def test_memory_is_that_of_the_film_and_the_threads(scene):
@@ -124,8 +128,8 @@ def test_what_would_not_be_done_in_time_is_not_begun(scene, monkeypatch):
     monkeypatch.setattr(measure.time, "perf_counter", lambda: now[0])
     reference = truth(scene)
     now[0] = 0.0
-    # two first pictures of 8 spp, then 3 (1 + 2 + 4 + 8 + 16) = 93: there is no time for 3 x 32 more
-    found = Sweep(scene, SIZE, reference, 150.0, lambda _share, _rays: None).run([SOBOL])
+    # two first pictures of 8 spp, then 8 (1 + 2 + 4 + 8) + 6 x 16 = 216: there is no time for 6 x 32 more
+    found = Sweep(scene, SIZE, reference, 300.0, lambda _share, _rays: None).run([SOBOL])
     assert [p.step for p in found.points] == [1, 2, 4, 8, 16]
     assert [what for what, _ in found.left_out] == ["sobol, float32: 32 spp, 64 spp, 128 spp, 256 spp"]
 
@@ -158,6 +162,8 @@ def test_an_interrupt_keeps_what_was_measured(scene, monkeypatch):
 def test_both_precisions_are_compared_where_they_drew_the_same_samples(scene):
     found = sweep(scene, [SOBOL, DOUBLE, MEDIAN])
     assert list(found.gaps) == list(steps_of(SOBOL))
+    assert (found.floor.spp, found.floor.renders) == (256, 6)
+    assert found.floor.rmse_srgb < found.floor.high < 1e-5
     single, double = (render(scene, 16, SIZE, 4, precision, "sobol").rgb for precision in ("float32", "float64"))
     assert found.gaps[16] == pytest.approx(compare(single, double).rmse_srgb, abs=1e-12)
 

@@ -9,13 +9,18 @@ from io import BytesIO
 import numpy as np
 from PIL import Image
 
-from raytrace.reporting.measurements import Shown
+from raytrace.reporting.crops import equal_time
+from raytrace.reporting.measurements import Inset, Shown
 from raytrace.reporting.page import report_page
 from test_sweep_table import a_report
 
 GREY = np.full((6, 8, 3), 128, np.uint8)
 SHOWN = (Shown("reference", GREY, None), Shown("</script><b>, 1 spp", GREY, np.full((6, 8), 0.1, np.float32)))
-FILES = {"error-against-time.png": b"png", "error-against-time.svg": b"<svg>time</svg>"}
+FILES = {
+    "error-against-time.png": b"png",
+    "error-against-time.svg": b"<svg>time</svg>",
+    "error-against-time-dark.svg": b"<svg>dark</svg>",
+}
 
 
 class Reader(HTMLParser):
@@ -28,7 +33,7 @@ class Reader(HTMLParser):
     def handle_starttag(self, tag, attributes):
         self.tags.append(tag)
         self.links += [value for name, value in attributes if name in ("src", "href") and value]
-        if tag not in ("meta", "img", "input"):
+        if tag not in ("meta", "img", "input", "source", "br"):
             self.open.append(tag)
 
     def handle_endtag(self, tag):
@@ -55,8 +60,10 @@ def test_the_page_is_well_formed_and_needs_nothing_else():
 
 def test_it_holds_the_plot_the_table_and_the_advice():
     text = written()
-    (plot,) = re.findall(r'data:image/svg\+xml;base64,([^"]+)"', text)
+    dark, plot = re.findall(r'data:image/svg\+xml;base64,([^"]+)"', text)
     assert b64decode(plot) == FILES["error-against-time.svg"]
+    assert b64decode(dark) == FILES["error-against-time-dark.svg"]
+    assert text.count('<source media="(prefers-color-scheme: dark)"') == 1
     assert '<p class="advice">Use it.</p>' in text
     assert text.count("<tr") == 3  # a header and two points
     assert text.count('<tr class="front">') == 1
@@ -85,3 +92,18 @@ def test_text_from_a_scene_cannot_become_markup():
 
 def test_the_page_is_the_same_for_the_same_report():
     assert written() == written()
+
+
+def test_insets_show_each_sampler_after_the_same_time():
+    error = np.zeros((12, 16), np.float32)
+    error[5, 9] = 0.5
+    images = [Inset(name, 4, seconds, 0.01, np.full((12, 16, 3), 99, np.uint8), error)
+              for name, seconds in (("reference", np.nan), ("<sobol>", 0.05), ("independent", 0.06))]  # fmt: skip
+    text = written(equal_time=equal_time(0.05, images))
+    assert "The same time: 50 ms per image" in text
+    assert text.count("<figure>") == 3
+    assert "&lt;sobol&gt;" in text
+    assert "60 ms, 4 spp" in text
+    reader = Reader()
+    reader.feed(text)
+    assert reader.open == []

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from raytrace.errors import RaytraceError
-from raytrace.reporting.analysis import orders_of, pareto
+from raytrace.reporting.analysis import pareto
 from raytrace.reporting.configurations import Configuration
-from raytrace.reporting.plots import check_matplotlib, heat, make_plots
+from raytrace.reporting.plots import DARK, NIGHT, Plotted, check_matplotlib, heat, make_plots
+from raytrace.reporting.precision_floor import Floor
+from raytrace.reporting.slopes import slopes_of
+from raytrace.reporting.spectrum import BINS, spectrum_of
 from synthetic_points import DOUBLE, SOBOL, curve
 
 ROOT = Path(__file__).parents[1]
@@ -20,14 +23,17 @@ def drawn():
     points += curve(BRUTE, lambda n: 0.1 / n, 0.5) + curve(
         Configuration("sobol", "float32", adaptive=True), lambda n: 0.05 / n, 0.1
     )
-    return make_plots(points, pareto(points), orders_of(points), "box")
+    spectrum = spectrum_of("sobol, float32, 4 spp", [(np.ones(BINS), 1.0)] * 2)
+    return make_plots(Plotted(points, pareto(points), slopes_of(points), Floor(1e-4, 2e-4, 64, 6), [spectrum], "box"))
 
 
-def test_both_plots_come_as_png_and_svg():
+def test_all_plots_come_as_png_and_svg_and_for_a_dark_page():
     files = drawn()
-    assert sorted(files) == [
-        "error-against-samples.png", "error-against-samples.svg", "error-against-time.png", "error-against-time.svg",
-    ]  # fmt: skip
+    names = "error-against-samples", "error-against-time", "error-spectrum"
+    assert sorted(files) == sorted(name + end for name in names for end in (".png", ".svg", DARK))
+    assert all(NIGHT.paper.encode() in files[name + DARK] for name in names)
+    assert all(NIGHT.paper.encode() not in files[f"{name}.svg"] for name in names)
+    assert b"float32 floor: 1.0e-04" in files["error-against-time.svg"]
     assert all(files[name].startswith(b"\x89PNG") for name in files if name.endswith(".png"))
     assert all(b"<svg" in files[name] for name in files if name.endswith(".svg"))
 
@@ -38,7 +44,7 @@ def test_the_same_points_give_the_same_bytes():
 
 def test_points_without_error_or_fit_are_no_problem():
     points = curve(SOBOL, lambda n: 0.0, 0.1, (1,))
-    assert len(make_plots(points, [True], [], "black")) == 4
+    assert len(make_plots(Plotted(points, [True], [], None, [], "black"))) == 6
 
 
 @pytest.mark.parametrize(
@@ -46,7 +52,7 @@ def test_points_without_error_or_fit_are_no_problem():
 )
 def test_no_name_is_a_formula(name):
     points = curve(SOBOL, lambda n: 0.1 / n, 0.1)
-    files = make_plots(points, pareto(points), orders_of(points), name)
+    files = make_plots(Plotted(points, pareto(points), [], None, [], name))
     assert f"<!-- {name} -->" in files["error-against-time.svg"].decode()  # matplotlib notes each text that it draws
 
 

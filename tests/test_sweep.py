@@ -12,15 +12,15 @@ from raytrace.errors import FileError, OptionError, RaytraceError
 from raytrace.image import files
 from raytrace.records import Settings
 from raytrace.rendering.rendering import render
-from raytrace.reporting import configurations, measure, reference, sweep
-from raytrace.reporting.configurations import ConfiguredScene
+from raytrace.reporting import configurations, reference, sweep
+from raytrace.reporting.configurations import ConfiguredScene, renders_of
 from raytrace.reporting.plots import make_plots
 from raytrace.reporting.sweep import report
 from small_scenes import Part, look, make_scene, quad
 
 SIZE = (12, 10)
 FILES = ["error-against-samples.png", "error-against-samples.svg", "error-against-time.png", "error-against-time.svg",
-         "report.html", "report.json"]  # fmt: skip
+         "error-spectrum.png", "error-spectrum.svg", "report.html", "report.json"]  # fmt: skip
 
 
 @pytest.fixture
@@ -30,9 +30,7 @@ def scene(tmp_path, monkeypatch):
     monkeypatch.setattr(configurations, "SPP", (1, 2, 4))
     monkeypatch.setattr(configurations, "FEW_SPP", (4,))
     monkeypatch.setattr(configurations, "TARGETS", (0.02,))
-    monkeypatch.setattr(
-        sweep, "make_plots", lambda *_points: {"plot.svg": b"<svg/>"}
-    )  # one test asks for the real ones
+    monkeypatch.setattr(sweep, "make_plots", lambda _shown: {"plot.svg": b"<svg/>"})  # one test asks for the real ones
     square = quad((-1, -0.7, 0), (0.8, -1, 0), (1, 0.8, 0), (-0.7, 1, 0))
     settings = Settings(SIZE, 1, 16, "sobol", "float32", 0)
     return make_scene([Part(square)], [((0, 0, 3), (150, 150, 150))], look((0, 0, 5), (0, 0, 0)), settings)
@@ -76,9 +74,25 @@ def test_all_but_clocks_is_the_same_again(scene, tmp_path):
     def without_clocks(folder):
         report(scene, folder)
         kept = json.loads((folder / "report.json").read_text("utf-8"))
-        clocks = "seconds", "seconds_of_rounds", "rays_per_second", "efficiency", "pareto", "peak_bytes"
+        clocks = (
+            "seconds_median",
+            "seconds",
+            "seconds_of_rounds",
+            "rays_per_second",
+            "efficiency",
+            "pareto",
+            "peak_bytes",
+        )
         points = [{name: value for name, value in p.items() if name not in clocks} for p in kept["points"]]
-        return points, kept["orders"], kept["precision_gaps"], kept["left_out"], kept["scene"]
+        return (
+            points,
+            kept["orders"],
+            kept["slopes"],
+            kept["float32_floor"],
+            kept["spectra"],
+            kept["left_out"],
+            kept["scene"],
+        )
 
     assert without_clocks(tmp_path / "a") == without_clocks(tmp_path / "b")
 
@@ -174,5 +188,5 @@ def test_a_scene_without_noise_has_no_error_and_still_a_report(tmp_path, scene):
 def test_it_measures_the_same_pictures_that_render_draws(scene, tmp_path):
     (point,) = (p for p in report(scene, tmp_path).points if p.configuration.name == "sobol, float32" and p.step == 4)
     kept = files.load(next((tmp_path / "cache" / "references").iterdir()))
-    errors = [rt.compare(render(scene, 4, seed=k), kept.rgb).rmse for k in range(measure.REPETITIONS)]
+    errors = [rt.compare(render(scene, 4, seed=k), kept.rgb).rmse for k in range(renders_of(point.configuration, 4))]
     assert point.rmse == pytest.approx(np.sqrt(np.mean(np.square(errors))))

@@ -236,12 +236,15 @@ def warmup_options(parser: ArgumentParser) -> None:
 def report_options(parser: ArgumentParser) -> None:
     """Declare the options of ``report``."""
     add = parser.add_argument
-    add("scene", type=Path, nargs="?", help="scene file (JSON) to measure speed and error of")
+    about = "scene files (JSON) to measure speed and error of; several get a page each, and one page over all"
+    add("scenes", type=Path, nargs="*", metavar="scene", help=about)
     _load_options(parser)
     add("--hard-cases", action="store_true", help="instead of a scene, test rays that break ray tracers")
     add("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the report")
     add("--reference", type=Path, metavar="FILE", help="reference image, .exr or .npz (default: rendered, and kept)")
-    add("--budget", type=real_number(1, 1e9), default=60.0, metavar="SECONDS", help="measuring time (default: 60)")
+    text = "measuring time per scene (default: 60)"
+    add("--budget", type=real_number(1, 1e9), default=60.0, metavar="SECONDS", help=text)
+    add("--peers", action="store_true", help="also measure Mitsuba 3 if it is installed, and the textbook")
     add("--size", type=SIZE, metavar="WxH", help="image size in pixels (default: the scene's)")
 
 

@@ -99,23 +99,15 @@ def _hard_cases(folder: Path) -> int:
 
 
 def _report(args: Namespace) -> int:
-    from raytrace.reporting.sweep import report
-
     if args.hard_cases:
-        if args.scene:
+        if args.scenes:
             raise ArgumentError(None, "report: expected a scene or --hard-cases, not both")
         return _hard_cases(args.output)
-    if not args.scene:
+    if not args.scenes:
         raise ArgumentError(None, "report: expected a scene: raytrace report scene.json -o DIR (or --hard-cases)")
-    with signals_interrupt(), without_scene_warnings():  # they are printed here, with their position in the file
-        scene = _load(args)
-        with Reporter(streams.say, bar=at_terminal(), lines=not at_terminal()) as reporter:
-            options = {name: getattr(args, name) for name in ("reference", "budget", "size")}
-            found = report(scene, args.output, progress=reporter, **options)
-    streams.out(str(found))
-    for path in found.files:
-        streams.out(printable(path))
-    return INTERRUPTED if found.interrupted else DONE
+    from raytrace.cli.reports import report_scenes
+
+    return report_scenes(args, _load)
 
 
 def _conformance(args: Namespace) -> int:

@@ -1,4 +1,4 @@
-"""Analysis of the measured points: orders of convergence, the Pareto front, and the cost of an error."""
+"""Analysis of the measured points: the Pareto front, fitted orders of convergence, and round numbers."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from raytrace.reporting.configurations import Configuration
+from raytrace.reporting.intervals import student
 from raytrace.reporting.measurements import Point
 
-CONFIDENCE = 0.95  # of intervals
+NICE = 1, 2, 5  # round numbers are these times powers of ten
 TIE = 0.01  # relative difference below which errors count as equal
 
 
@@ -51,10 +52,8 @@ def fit_order(configuration: Configuration, spp: Sequence[float], error: Sequenc
     start = float(y.mean() - slope * x.mean())
     half = math.nan
     if len(x) > 2:
-        from scipy.special import stdtrit  # comes with scikit-image
-
         rest = y - start - slope * x
-        half = float(stdtrit(len(x) - 2, (1 + CONFIDENCE) / 2) * math.sqrt(rest @ rest / (len(x) - 2) / (dx @ dx)))
+        half = student(len(x) - 1) * math.sqrt(rest @ rest / (len(x) - 2) / (dx @ dx))
     return Order(configuration, slope, slope - half, slope + half, math.exp(start), len(x))
 
 
@@ -112,3 +111,24 @@ def _between(curve: Sequence[Point], error: float) -> tuple[float, float] | None
             share = math.log(p.rmse_srgb / error) / math.log(p.rmse_srgb / q.rmse_srgb)
             return p.spp * (q.spp / p.spp) ** share, p.seconds * (q.seconds / p.seconds) ** share
     return None
+
+
+def nice_numbers(values: Sequence[float], most: int) -> list[float]:
+    """Round numbers (1, 2, 5 times powers of ten) within the range of positive values, at most `most`, evenly spread.
+
+    If there is none in the range, it is the geometric middle, to two digits.
+
+    >>> nice_numbers([0.003, 0.4], 3), nice_numbers([0.011, 0.013], 3)
+    ([0.005, 0.02, 0.2], [0.012])
+    """
+    known = [value for value in values if value > 0.0]
+    if not known:
+        return []
+    low, high = min(known), max(known)
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    inside = [number for k in decades for n in NICE if low <= (number := float(f"{n:g}e{k}")) <= high]
+    if not inside:
+        middle = float(f"{math.sqrt(low * high):.2g}")
+        return [middle if low <= middle <= high else high]
+    picks = np.linspace(0, len(inside) - 1, min(most, len(inside))).round().astype(int)
+    return [inside[k] for k in picks]

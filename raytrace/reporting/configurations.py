@@ -17,8 +17,12 @@ from raytrace.scene.plan import make_plan
 SAMPLERS = "sobol", "stratified", "independent"
 SPP = tuple(1 << k for k in range(9))  # 1 .. 256 samples per pixel
 FEW_SPP = 4, 16, 64  # of configurations that differ only in speed, or are wrong at any number of samples
+TEXTBOOK_SPP = 1, 4, 16  # of raytrace.textbook, which is about a thousand times slower
+MITSUBA_SPP = 1, 4, 16, 64, 256  # squares, which all its samplers can render
 TARGETS = 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001  # target errors of adaptive sampling
 ADAPTIVE_CAP = 4096  # limit of its samples per pixel
+RENDERS_LEAST, RENDERS_MOST = 6, 8  # renders of a point: six are the fewest that give an interval of the median
+RENDERS_SPP = 64  # samples per pixel of all renders of a point together, within these limits
 FEW_TRIANGLES = 4096  # scenes up to this size are also rendered without a tree
 FAR = 1e3  # "no tree": size of all boxes, relative to the largest coordinate
 
@@ -31,10 +35,16 @@ class Configuration(NamedTuple):
     triangle: str = "watertight"  # or "moller-trumbore"
     tree: str = "sah"  # or "median", "none"
     adaptive: bool = False  # adaptive sampling until a target error is reached
+    renderer: str = "raytrace"  # or "Mitsuba", "textbook"
 
     @property
     def selectable(self) -> bool:
         """Whether a user of ``render`` can choose it: rays are traced with the default triangle test and tree."""
+        return self.standard and self.renderer == "raytrace"
+
+    @property
+    def standard(self) -> bool:
+        """Whether it is a way to sample an image: not another triangle test or tree, which change the time only."""
         return (self.triangle, self.tree) == ("watertight", "sah")
 
     @property
@@ -44,6 +54,8 @@ class Configuration(NamedTuple):
         >>> Configuration("sobol", "float32", tree="none").name
         'sobol, float32, no tree'
         """
+        if self.renderer != "raytrace":
+            return f"{self.renderer}, {self.sampler}, {self.precision}"
         extra = [self.triangle] if self.triangle != "watertight" else []
         extra += {"sah": [], "median": ["median split"], "none": ["no tree"]}[self.tree]
         return ", ".join([self.sampler, *(["adaptive"] if self.adaptive else []), self.precision, *extra])
@@ -68,7 +80,25 @@ def steps_of(configuration: Configuration) -> tuple[float, ...]:
     """Samples per pixel, or target errors for adaptive sampling, by increasing cost."""
     if configuration.adaptive:
         return TARGETS
-    return SPP if configuration.selectable else FEW_SPP
+    if configuration.renderer == "textbook":
+        return TEXTBOOK_SPP
+    if configuration.renderer == "Mitsuba":
+        return MITSUBA_SPP
+    return SPP if configuration.standard else FEW_SPP
+
+
+def renders_of(configuration: Configuration, step: float) -> int:
+    """Renders of a point: 8 where they are short, and 6 from 16 samples per pixel on; two by the textbook.
+
+    They depend on the step alone, not on the speed of the machine, so that errors can be repeated.
+
+    >>> way = Configuration("sobol", "float32")
+    >>> [renders_of(way, spp) for spp in (1, 4, 8, 16, 256)]
+    [8, 8, 8, 6, 6]
+    """
+    if configuration.renderer == "textbook":
+        return 2
+    return int(min(max(RENDERS_SPP // weight_of(configuration, step), RENDERS_LEAST), RENDERS_MOST))
 
 
 def weight_of(configuration: Configuration, step: float) -> float:

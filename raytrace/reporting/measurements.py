@@ -6,10 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.reporting.configurations import Configuration
+from raytrace.reporting.intervals import Interval, of_median, of_root_mean
+from raytrace.reporting.precision_floor import Floor
+from raytrace.reporting.spectrum import Spectrum
 
 
 class Point(NamedTuple):
-    """One configuration at one number of samples; errors are averaged over the repetitions."""
+    """One configuration at one number of samples; time, RMSE and RMSE (sRGB) come from all repetitions."""
 
     configuration: Configuration
     step: float  # samples per pixel, or the target error of adaptive sampling
@@ -21,14 +24,30 @@ class Point(NamedTuple):
     rmse_srgb: float
     relative_mse: float
     bias: tuple[float, float, float]
-    worst_tile: float  # the largest of all repetitions
+    worst_tile: float
     ssim: float
     mrse: float = float("nan")
-    flip: float | None = None  # of the first repetition; None: not measured
+    flip: float | None = None  # of the first repetition, as all metrics but RMSE; None: not measured
+    squares: tuple[float, ...] = ()  # MSE of sRGB codes of each repetition, in the order of the seeds
 
     @property
     def seconds(self) -> float:
-        """Time of one image: the minimum over the repetitions, because other processes can only add to it."""
+        """Time of one image: the median over the repetitions."""
+        return float(np.median(self.times))
+
+    @property
+    def time(self) -> Interval:
+        """95 % interval of the time."""
+        return of_median(self.times)
+
+    @property
+    def error(self) -> Interval:
+        """95 % interval of the RMSE (sRGB)."""
+        return of_root_mean(self.squares)
+
+    @property
+    def fastest(self) -> float:
+        """Minimum time over the repetitions."""
         return min(self.times)
 
     @property
@@ -60,6 +79,25 @@ class Shown(NamedTuple):
     error: NDArray[np.float32] | None  # (h, w): largest difference of a channel, sRGB; None: the reference
 
 
+class Inset(NamedTuple):
+    """An image of a configuration after a given time, to display beside others of the same time."""
+
+    name: str
+    spp: float
+    seconds: float
+    rmse_srgb: float
+    rgb8: NDArray[np.uint8]  # (h, w, 3) sRGB
+    error: NDArray[np.float32]  # (h, w): largest difference of a channel, sRGB
+
+
+class EqualTime(NamedTuple):
+    """Images of several configurations at equal time."""
+
+    seconds: float
+    windows: tuple[tuple[int, int, int], ...]  # x, y and side of square windows, pixels: where the errors are largest
+    insets: tuple[Inset, ...]  # the first is the reference
+
+
 class Measured(NamedTuple):
     """Results of a sweep."""
 
@@ -69,3 +107,6 @@ class Measured(NamedTuple):
     gaps: dict[int, float]  # spp -> RMSE (sRGB) between the two precisions with the same samples
     left_out: tuple[tuple[str, str], ...]  # what was not measured, and why
     interrupted: bool
+    floor: Floor | None = None  # bias of float32
+    spectra: tuple[Spectrum, ...] = ()  # of error images
+    equal_time: EqualTime | None = None

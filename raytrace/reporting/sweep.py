@@ -21,12 +21,18 @@ from raytrace.rendering.rendering import override
 from raytrace.reporting.advice import recommendations
 from raytrace.reporting.analysis import Order, orders_of, pareto
 from raytrace.reporting.configurations import configurations_of
+from raytrace.reporting.equal_cost import Costs, costs_of
 from raytrace.reporting.measure import Sweep
-from raytrace.reporting.measurements import First, Measured, Point, Shown
+from raytrace.reporting.measurements import EqualTime, First, Measured, Point, Shown
 from raytrace.reporting.page import report_page
-from raytrace.reporting.plots import check_matplotlib, make_plots
+from raytrace.reporting.peers import make_configured, peers_of
+from raytrace.reporting.plots import DARK, Plotted, check_matplotlib, make_plots
+from raytrace.reporting.precision_floor import Floor
 from raytrace.reporting.reference import Reference, make_reference, read_reference
-from raytrace.reporting.sweep_table import as_json, text
+from raytrace.reporting.report_json import as_json
+from raytrace.reporting.slopes import Slope, slopes_of
+from raytrace.reporting.spectrum import Spectrum
+from raytrace.reporting.sweep_table import text
 from raytrace.scene.load import load
 from raytrace.scene.sources import Source
 
@@ -45,8 +51,18 @@ class Report:
         The measurements: one configuration at one number of samples each.
     front : tuple of bool
         Whether each point is on the Pareto front of time and error.
+    slopes : tuple of Slope
+        Local slopes of log error against log samples, with confidence intervals.
+    costs : Costs
+        Time to reach an error, and error at equal time, of each configuration.
+    floor : Floor or None
+        The bias of float32; None: not measured.
+    spectra : tuple of Spectrum
+        Spectra of error images, of each sampler.
+    equal_time : EqualTime or None
+        Images of each sampler after the same time.
     orders : tuple of Order
-        Order of convergence of each configuration, with a confidence interval.
+        One fitted order for each configuration. It hides that curves bend: prefer the slopes.
     firsts : tuple of First
         The first image of each configuration, including compilation.
     advice : tuple of str
@@ -75,6 +91,11 @@ class Report:
     left_out: tuple[tuple[str, str], ...]
     files: tuple[Path, ...]
     interrupted: bool
+    slopes: tuple[Slope, ...] = ()
+    costs: Costs | None = None
+    floor: Floor | None = None
+    spectra: tuple[Spectrum, ...] = ()
+    equal_time: EqualTime | None = None
 
     @property
     def reference_text(self) -> str:
@@ -103,6 +124,7 @@ def report(
     reference: str | Path | None = None,
     budget: float = 60.0,
     size: tuple[int, int] | None = None,
+    peers: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> Report:
     """Measure speed against error: samplers, precisions, triangle tests and trees, from 1 to 256 samples per pixel.
@@ -120,6 +142,9 @@ def report(
         report lists it.
     size : (width, height), pixels, optional
         Image size; default: the scene's.
+    peers : bool
+        Also measure Mitsuba 3 (on as many threads) and ``raytrace.textbook`` (on one). One that is not installed, or
+        cannot express the scene, is listed as not measured.
     progress : callable, optional
         Called with a ``Progress`` from time to time.
 
@@ -158,9 +183,11 @@ def report(
         truth = read_reference(Path(reference), size)
     progress_adapter.begin_sweep()
     seconds = budget - (truth.seconds if truth.origin == "drawn" else 0.0)
-    found = Sweep(scene, size, truth, max(seconds, (1 - FOR_REFERENCE) * budget), progress_adapter.sweep).run(
-        configurations_of(scene)
-    )
+    others, missing = peers_of(scene) if peers else ([], ())
+    seconds = max(seconds, (1 - FOR_REFERENCE) * budget)
+    sweep = Sweep(scene, size, truth, seconds, progress_adapter.sweep, make_configured)
+    found = sweep.run([*configurations_of(scene), *others])
+    found = found._replace(left_out=(*found.left_out, *missing))
     if not found.points:
         if found.interrupted:
             raise KeyboardInterrupt
@@ -203,9 +230,11 @@ def written(
     scene: Scene, size: tuple[int, int], truth: Reference, found: Measured, folder: Path, seconds: tuple[float, float]
 ) -> Report:
     """Analyse the measurements and write all files."""
-    orders, front = orders_of(found.points), pareto(found.points)
+    orders, front, slopes = orders_of(found.points), pareto(found.points), slopes_of(found.points)
     about = _about(scene, size)
-    plot_files = make_plots(found.points, front, orders, str(about["name"]))
+    shown = Plotted(found.points, front, slopes, found.floor, found.spectra, str(about["name"]))
+    plots = make_plots(shown)
+    plot_files = {name: data for name, data in plots.items() if not name.endswith(DARK)}
     names = (*plot_files, "report.json", "report.html")
     finished = Report(
         version=raytrace.__version__,
@@ -220,13 +249,18 @@ def written(
         firsts=found.firsts,
         gaps=found.gaps,
         shown=(Shown("reference", srgb8(truth.rgb), None), *found.shown),
-        advice=tuple(recommendations(found.points, orders, found.gaps)),
+        advice=tuple(recommendations(found.points, found.floor)),
         left_out=found.left_out,
         files=tuple(folder / name for name in names),
         interrupted=found.interrupted,
+        slopes=tuple(slopes),
+        costs=costs_of(found.points),
+        floor=found.floor,
+        spectra=found.spectra,
+        equal_time=found.equal_time,
     )
     content = json.dumps(as_json(finished), indent=1, allow_nan=False) + "\n"
-    files = plot_files | {"report.json": content.encode(), "report.html": report_page(finished, plot_files).encode()}
+    files = plot_files | {"report.json": content.encode(), "report.html": report_page(finished, plots).encode()}
     write(folder, files)
     return finished
 

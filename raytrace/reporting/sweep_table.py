@@ -1,21 +1,28 @@
-"""Results of a sweep, as text for a terminal and as JSON."""
+"""Results of a sweep as tables, and as text for a terminal."""
 
 import math
 from collections.abc import Sequence
+from itertools import groupby
 from typing import Any
 
 from raytrace.image.flip import INSTALL
-from raytrace.reporting.analysis import Order
-from raytrace.reporting.configurations import Configuration
-from raytrace.reporting.measurements import First, Point
+from raytrace.reporting.equal_cost import Costs, cost_text
+from raytrace.reporting.intervals import Interval, log_half_width
+from raytrace.reporting.measurements import Point
+from raytrace.reporting.slopes import Slope, steep_text
+from raytrace.reporting.spectrum import Spectrum
 
-SCHEMA = "raytrace.report/1"  # of the JSON file; the number changes when a field changes its meaning or is removed
-HEADER = "", "spp", "s", "Mray/s", "MB", "RMSE", "RMSE sRGB", "rel. MSE", "MRSE", "bias", "8x8 tile", "SSIM"
-HEADER_END = "efficiency", ""
+HEADER = "", "spp", "s", "± %", "Mray/s", "MB", "RMSE", "RMSE sRGB", "± %", "rel.MSE", "MRSE", "bias", "tile", "SSIM"
+HEADER_END = "effic.", ""
 LEGEND = """\
-RMSE: in linear light; RMSE sRGB: of sRGB codes, 0 to 1; bias: of the worst channel; 8x8 tile: the worst, relative;
-MRSE: squared error relative to (value + 0.01)^2; FLIP: mean, as shown on a screen;
-efficiency: 1 / (MSE of sRGB codes x s); *: Pareto front, no other point is faster and as accurate."""
+s: median; ± %: half of the 95 % interval of the number before it; RMSE: in linear light; RMSE sRGB: of sRGB codes,
+0 to 1; bias: of the worst channel; tile: the worst of 8x8 pixels, relative; MRSE: squared error relative to
+(value + 0.01)^2; FLIP: mean, as shown on a screen; effic.: 1 / (MSE of sRGB codes x s); *: Pareto front, no other is
+faster and as accurate."""
+COSTS_LEGEND = (
+    "Interpolated between neighbouring points on logarithmic axes; ±: half of the 95 % interval; "
+    "-: not within the measured range."
+)
 
 
 def has_flip(points: Sequence[Point]) -> bool:
@@ -40,17 +47,19 @@ def cells(point: Point, front: bool, flips: bool) -> list[str]:
         point.configuration.name,
         f"{point.spp:.4g}",
         f"{point.seconds:.3g}",
-        f"{point.rays_per_second / 1e6:.1f}",
-        f"{point.peak_bytes / 1e6:.1f}",
+        percent(point.time),
+        f"{point.rays / point.seconds / 1e6:.1f}" if point.rays else "-",
+        f"{point.peak_bytes / 1e6:.1f}" if point.peak_bytes else "-",
         f"{point.rmse:.2e}",
         f"{point.rmse_srgb:.2e}",
+        percent(point.error),
         f"{point.relative_mse:.1e}",
         f"{point.mrse:.1e}",
         f"{bias:+.1e}",
         f"{point.worst_tile:.1e}",
-        f"{point.ssim:.5f}",
+        f"{point.ssim:.4f}",
         *([f"{point.flip:.4f}"] if flips else []),
-        f"{point.efficiency:.2e}",
+        f"{point.efficiency:.1e}",
         "*" if front else "",
     ]
 
@@ -61,18 +70,58 @@ def lay_out(rows: list[list[str]]) -> str:
     return "\n".join("  ".join(text.rjust(n) for text, n in zip(row, width, strict=True)).rstrip() for row in rows)
 
 
-def order_text(order: Order) -> str:
-    """Format an order of convergence with its interval.
+def seconds_label(seconds: float) -> str:
+    """Format a time with its unit.
 
-    >>> order_text(Order(Configuration("sobol", "float32"), -0.751, -0.8, -0.7, 0.1, 9))
-    'error ~ spp^-0.751 (95 %: -0.800 .. -0.700)'
+    >>> seconds_label(0.05), seconds_label(2.5)
+    ('50 ms', '2.5 s')
     """
-    interval = "unknown" if math.isnan(order.low) else f"{order.low:.3f} .. {order.high:.3f}"
-    return f"error ~ spp^{order.order:.3f} (95 %: {interval})"
+    return f"{1000 * seconds:.3g} ms" if seconds < 0.9995 else f"{seconds:.3g} s"
+
+
+def percent(interval: Interval) -> str:
+    """Format half of the width of an interval as a percentage.
+
+    >>> percent(Interval(0.9, 1.1)), percent(Interval(math.nan, math.nan))
+    ('11', '-')
+    """
+    half = log_half_width(interval)
+    if math.isnan(half):
+        return "-"
+    share = 100 * math.expm1(half)
+    return f"{share:.0f}" if share >= 9.5 else f"{share:.1g}"
+
+
+def cost_rows(costs: Costs) -> list[list[str]]:
+    """Rows of the table of time to reach an error and of error at equal time, the header first."""
+    header = [f"time to RMSE {error:g}" for error in costs.targets] + [f"RMSE at {time:g} s" for time in costs.seconds]
+    rows = [["", *header]]
+    for row in costs.rows:
+        times = [cost_text(cost, ".3g").replace(" ±", " s ±") for cost in row.times]
+        rows.append([row.configuration.name, *times, *(cost_text(cost, ".2e") for cost in row.errors)])
+    return rows
+
+
+def slope_rows(slopes: Sequence[Slope]) -> list[list[str]]:
+    """Rows of the table of local slopes, the header first: one column for each pair of sample counts."""
+    pairs = sorted({slope.spp for slope in slopes})
+    rows = [["", *(f"{a:g} to {b:g} spp" for a, b in pairs)]]
+    for configuration, group in groupby(slopes, lambda slope: slope.configuration):
+        found = {slope.spp: steep_text(slope) for slope in group}
+        rows.append([configuration.name, *(found.get(pair, "-") for pair in pairs)])
+    return rows
+
+
+def spectrum_rows(spectra: Sequence[Spectrum]) -> list[list[str]]:
+    """Rows of the table of noise: name, and the relative power of low frequencies with its interval."""
+    return [
+        [each.name, f"{each.low:.2f} ({each.interval.low:.2f} .. {each.interval.high:.2f}): {each.verdict}"]
+        for each in spectra
+    ]
 
 
 def text(report: Any) -> str:
-    """Text of a ``Report``: table, orders, what was not measured, and advice."""
+    """Text of a ``Report``: tables, what was not measured, and advice."""
     flips = has_flip(report.points)
     rows = [header(report.points)[1:]]
     rows += [cells(point, front, flips)[1:] for point, front in zip(report.points, report.front, strict=True)]
@@ -82,11 +131,19 @@ def text(report: Any) -> str:
         if k == 0 or point.configuration != report.points[k - 1].configuration:
             table.append(point.configuration.name)
         table.append(line)
-    orders = [[order.configuration.name, order_text(order)] for order in report.orders]
     firsts = [[first.configuration.name, f"{first.seconds:.2f} s, {first.compile_seconds:.2f} s of this is compilation"]
               for first in report.firsts]  # fmt: skip
-    parts = ["\n".join(table), legend(report.points), report.reference_text]
-    parts += [_list("order of convergence of the RMSE (sRGB)", orders), _list("first image", firsts)]
+    parts = ["\n".join(table), legend(report.points)]
+    if report.costs and report.costs.rows:
+        parts.append(f"{lay_out(cost_rows(report.costs))}\n{COSTS_LEGEND}")
+    if report.slopes:
+        title = "local slopes: error ~ spp^slope between neighbouring counts (95 % interval)"
+        columns = [list(row) for row in zip(*slope_rows(report.slopes), strict=True)]
+        parts.append(f"{title}\n{lay_out(columns)}")
+    parts.append(
+        _list("noise at low frequencies, relative to white noise (95 % interval)", spectrum_rows(report.spectra))
+    )
+    parts += [report.reference_text, report.floor.text if report.floor else "", _list("first image", firsts)]
     parts.append(_list("not measured", [list(row) for row in report.left_out]))
     parts.append("\n".join(report.advice))
     return "\n\n".join(part for part in parts if part)
@@ -97,71 +154,3 @@ def _list(title: str, rows: list[list[str]]) -> str:
         return ""
     width = max(len(name) for name, _ in rows)
     return "\n".join([title, *(f"  {name:<{width}}  {rest}" for name, rest in rows)])
-
-
-def as_json(report: Any) -> dict[str, Any]:
-    """All measurements of a ``Report`` as JSON values; NaN and infinity become null."""
-    found: dict[str, Any] = {
-        "schema": SCHEMA,
-        "raytrace": report.version,
-        "scene": report.about_scene,
-        "machine": report.machine,
-        "reference": report.about_reference,
-        "budget_seconds": report.budget,
-        "seconds": report.seconds,
-        "complete": not report.interrupted,
-        "points": [_point(point, front) for point, front in zip(report.points, report.front, strict=True)],
-        "first_pictures": [_first(first) for first in report.firsts],
-        "orders": [_order(order) for order in report.orders],
-        "precision_gaps": [{"spp": spp, "rmse_srgb": gap} for spp, gap in sorted(report.gaps.items())],
-        "left_out": [{"what": what, "why": why} for what, why in report.left_out],
-        "advice": list(report.advice),
-    }
-    plain: dict[str, Any] = _plain(found)
-    return plain
-
-
-def _configuration(configuration: Configuration) -> dict[str, Any]:
-    return {"name": configuration.name, **configuration._asdict()}
-
-
-def _point(point: Point, front: bool) -> dict[str, Any]:
-    numbers = {name: value for name, value in point._asdict().items() if name not in ("configuration", "step", "times")}
-    target = point.step if point.configuration.adaptive else None
-    return {
-        "way": _configuration(point.configuration),
-        "target_error": target,
-        **numbers,
-        "bias": list(point.bias),
-        "seconds": point.seconds,
-        "seconds_of_rounds": list(point.times),
-        "rays_per_second": point.rays_per_second,
-        "efficiency": point.efficiency,
-        "pareto": front,
-    }
-
-
-def _first(first: First) -> dict[str, Any]:
-    return {
-        "way": _configuration(first.configuration),
-        "seconds": first.seconds,
-        "compile_seconds": first.compile_seconds,
-    }
-
-
-def _order(order: Order) -> dict[str, Any]:
-    fitted = {"order": order.order, "low": order.low, "high": order.high}
-    return {
-        "way": _configuration(order.configuration),
-        **fitted,
-        "error_at_1_spp": order.at_one,
-        "points": order.points,
-    }
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _plain(item) for name, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

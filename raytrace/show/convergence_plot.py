@@ -31,8 +31,8 @@ def convergence(report: Report) -> Drawing:
 
     Notes
     -----
-    Both axes are logarithmic: an error that falls as spp^-k is a straight line of slope -k. The lines are fits, and the
-    legend shows their slopes. Independent samples have slope -1/2.
+    Both axes are logarithmic: an error that falls as spp^-k is a straight line of slope -k. The
+    legend shows the slope between the last two counts whose slope is certain. Independent samples have slope -1/2.
 
     Examples
     --------
@@ -48,5 +48,6 @@ def convergence(report: Report) -> Drawing:
     with new_figure(10, 6.4) as figure:
         axes = figure.subplots()
         axes.grid(alpha=0.3)
-        against_samples(report.points, report.orders, title, axes)
+        against_samples(report.points, report.slopes, report.floor, title, axes)
+        axes.legend(fontsize=10)
     return Drawing(title, data, figure)

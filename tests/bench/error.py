@@ -20,7 +20,7 @@ from peers import Mitsuba, available
 import raytrace as rt
 from raytrace.output_folder import check_folder
 from raytrace.records import Scene
-from raytrace.reporting import measure
+from raytrace.reporting import measure, task
 from raytrace.reporting.analysis import needed
 from raytrace.reporting.configurations import SPP, Configuration, ConfiguredScene, steps_of
 from raytrace.reporting.measure import Sweep
@@ -168,7 +168,8 @@ def options() -> Namespace:
 
 def main() -> None:
     args, found = options(), begin()
-    measure.ROUNDS, measure.steps_of = args.rounds, steps
+    measure.steps_of = steps
+    measure.renders_of = task.renders_of = lambda way, step: args.rounds
     peers, missing = available()
     samplers = args.peer_samplers if Mitsuba in peers else ()
     if not samplers:
