@@ -56,6 +56,7 @@ def library(monkeypatch, tmp_path):
         interrupted=False,
         stats=stats,
         provenance=provenance,
+        rgb=np.full((2, 2, 3), 0.5, np.float32),
         stderr=np.zeros((2, 2), np.float32),
         checkpoint=None,
     )

@@ -77,6 +77,18 @@ def real_number(low: float, high: float) -> Callable[[str], float]:
     return parse
 
 
+def exposure(text: str) -> float | str:
+    """Parse an exposure: a number of stops, or ``auto``.
+
+    >>> exposure("auto"), exposure("-1.5")
+    ('auto', -1.5)
+    """
+    try:
+        return text if text == "auto" else real_number(-100, 100)(text)
+    except ArgumentTypeError as error:
+        raise ArgumentTypeError(str(error).replace(", got", ", or auto, got")) from None
+
+
 def whole_numbers(form: str, separator: str, lows: tuple[int, ...]) -> Callable[[str], tuple[int, ...]]:
     """Return a parser for whole numbers with a separator between them, each with a lower bound.
 
@@ -202,8 +214,8 @@ def _image_options(parser: ArgumentParser) -> None:
         f"layers to save in an .exr or .npz: {', '.join(LAYERS)}; with integrator path also {', '.join(LIGHT_LAYERS)}"
     )
     add("--aov", type=layers, default=(), metavar="A,B", help=text)
-    text = "of a .png: multiply radiance by 2^STOPS"
-    add("--exposure", type=real_number(-100, 100), default=0.0, metavar="STOPS", help=text)
+    text = "of a .png: multiply radiance by 2^STOPS; auto: so that the image is shown well"
+    add("--exposure", type=exposure, default=0.0, metavar="STOPS", help=text)
     add("--quiet", action="store_true", help="no progress and no messages, only errors")
     add("--json", action="store_true", help="print one JSON object: path, seconds, statistics")
 

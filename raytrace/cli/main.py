@@ -52,6 +52,7 @@ def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _lo
     with signals_interrupt(ECHO) as signals, without_scene_warnings():  # printed here, with their position in the file
         scene = load(args)
         from raytrace.cli.delivery import checkpoint_of, connected, deliver, nothing, path_of, remarks
+        from raytrace.cli.exposure import shown
         from raytrace.scene.checks import warnings_of
 
         for warning in warnings_of(scene, args.precision):
@@ -66,7 +67,8 @@ def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _lo
             return INTERRUPTED
         with signals.held():  # write the image
             target = path_of(image, path)
-            written, failure = deliver(image, target, args.exposure)
+            stops = shown(image, target, args.exposure, say)
+            written, failure = deliver(image, target, stops)
             seconds = time.perf_counter() - began
             for line in remarks(image, reporter.last, seconds, args.target_error):
                 say(line)
@@ -75,6 +77,7 @@ def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _lo
                 streams.say(failure or printable(text))
             if args.json:
                 outcome = {"path": str(written), "seconds": seconds, "complete": image.complete}
+                outcome |= {"exposure": stops} if args.exposure == "auto" else {}
                 streams.out(streams.json_text(outcome | {"stats": image.stats, "provenance": image.provenance}))
             else:
                 streams.out(printable(written))
