@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import NoReturn
 
 from raytrace.cli import streams
+from raytrace.cli.changes import set_option
+from raytrace.cli.exposure import exposure
 from raytrace.errors import printable, shortened
 from raytrace.limits import LAYERS, LIGHT_LAYERS
 
@@ -75,18 +77,6 @@ def real_number(low: float, high: float) -> Callable[[str], float]:
         return value
 
     return parse
-
-
-def exposure(text: str) -> float | str:
-    """Parse an exposure: a number of stops, or ``auto``.
-
-    >>> exposure("auto"), exposure("-1.5")
-    ('auto', -1.5)
-    """
-    try:
-        return text if text == "auto" else real_number(-100, 100)(text)
-    except ArgumentTypeError as error:
-        raise ArgumentTypeError(str(error).replace(", got", ", or auto, got")) from None
 
 
 def whole_numbers(form: str, separator: str, lows: tuple[int, ...]) -> Callable[[str], tuple[int, ...]]:
@@ -162,6 +152,7 @@ def scene_options(parser: ArgumentParser) -> None:
     """Declare the scene file and the options for loading it."""
     parser.add_argument("scene", type=Path, help="scene file (JSON), or a mesh file")
     _load_options(parser)
+    set_option(parser)
 
 
 def _memory_option(parser: ArgumentParser) -> None:
@@ -185,6 +176,7 @@ def render_options(parser: ArgumentParser) -> None:
 def demo_options(parser: ArgumentParser) -> None:
     """Declare the options of ``demo``: those of ``render``, without a scene."""
     _memory_option(parser)
+    set_option(parser)
     _image_options(parser)
 
 
@@ -270,6 +262,7 @@ def report_options(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("scene", type=Path, nargs="?", help="scene file (JSON) to measure speed and error of")
     _load_options(parser)
+    set_option(parser)
     add("--hard-cases", action="store_true", help="instead of a scene, test rays that break ray tracers")
     add("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the report")
     add("--reference", type=Path, metavar="FILE", help="reference image, .exr or .npz (default: rendered, and kept)")

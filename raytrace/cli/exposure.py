@@ -1,13 +1,35 @@
 """The exposure of an image that the command line writes, and hints about an image that is badly exposed."""
 
+from argparse import ArgumentTypeError
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from raytrace.image.exposure import AUTO, auto_exposure, hint
-from raytrace.rendering.result import Render
+if TYPE_CHECKING:
+    from raytrace.rendering.result import Render
+
+AUTO, MAX_STOPS = "auto", 100.0  # as in raytrace.image.exposure, which imports NumPy
 
 
-def shown(image: Render, path: Path, asked: float | str, say: Callable[[str], None]) -> float:
+def exposure(text: str) -> float | str:
+    """Parse an exposure: a number of stops, or ``auto``.
+
+    >>> exposure("auto"), exposure("-1.5")
+    ('auto', -1.5)
+    """
+    if text == AUTO:
+        return text
+    try:
+        stops = float(text)
+    except ValueError:
+        stops = float("nan")
+    if not abs(stops) <= MAX_STOPS:
+        expected = f"expected auto or a number from {-MAX_STOPS:g} to {MAX_STOPS:g}"
+        raise ArgumentTypeError(f"{expected}, got '{text}'")
+    return stops
+
+
+def shown(image: "Render", path: Path, asked: float | str, say: Callable[[str], None]) -> float:
     """Return the exposure of an image in stops; print one that was chosen, or a hint where the image needs one.
 
     Parameters
@@ -19,6 +41,8 @@ def shown(image: Render, path: Path, asked: float | str, say: Callable[[str], No
     say : callable
         Prints a line.
     """
+    from raytrace.image.exposure import auto_exposure, hint
+
     png = path.suffix.lower() == ".png"
     stops = float(asked) if asked != AUTO else auto_exposure(image.rgb) if png else 0.0
     if asked == AUTO:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import raytrace
 from raytrace.cli import arguments, streams
+from raytrace.cli.changes import load_demo, load_scene
 from raytrace.cli.terminal import ECHO, INTERRUPTED, Reporter, at_terminal, signals_interrupt
 from raytrace.errors import RaytraceError, printable, without_scene_warnings
 
@@ -32,16 +33,12 @@ examples:
 # render ---------------------------------------------------------------------------------------------------------------
 
 
-def _load(args: Namespace) -> "raytrace.Scene":
-    return raytrace.load(args.scene, args.root, args.max_memory)
-
-
 def _demo(args: Namespace) -> int:
     args.scene = Path("demo")  # the image file is named after it
-    return _render(args, lambda _args: raytrace.demo())
+    return _render(args, load_demo)
 
 
-def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _load) -> int:
+def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = load_scene) -> int:
     from raytrace.image.paths import check_path
 
     began = time.perf_counter()
@@ -89,12 +86,12 @@ def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = _lo
 
 def _explain(args: Namespace) -> int:
     chosen = {"integrator": args.integrator} if args.integrator else {}
-    streams.out(str(raytrace.explain(_load(args), **chosen)))
+    streams.out(str(raytrace.explain(load_scene(args), **chosen)))
     return DONE
 
 
 def _check(args: Namespace) -> int:
-    scene = _load(args)
+    scene = load_scene(args)
     for warning in scene.warnings:
         streams.out(f"warning: {warning}")
     raytrace.explain(scene)  # an error if no precision can represent the scene
@@ -131,7 +128,7 @@ def _report(args: Namespace) -> int:
     if not args.scene:
         raise ArgumentError(None, "report: expected a scene: raytrace report scene.json -o DIR (or --hard-cases)")
     with signals_interrupt(), without_scene_warnings():  # they are printed here, with their position in the file
-        scene = _load(args)
+        scene = load_scene(args)
         with Reporter(streams.say, bar=at_terminal()) as reporter:
             options = {name: getattr(args, name) for name in ("reference", "budget", "size")}
             found = report(scene, args.output, progress=reporter, **options)
@@ -151,7 +148,7 @@ def _export(args: Namespace) -> int:
     from raytrace.exporting.export import export_scene
 
     with without_scene_warnings():  # they are about our own image
-        path, warnings = export_scene(_load(args), args.to, args.output, args.approximate)
+        path, warnings = export_scene(load_scene(args), args.to, args.output, args.approximate)
     for warning in warnings:
         streams.say(f"warning: {warning}")
     streams.out(printable(path))

@@ -66,6 +66,7 @@ class Text:
         self.in_file = in_file
         self.trusted = frozenset(trusted)
         self.meshes = meshes or {}
+        self.changes: tuple[str, ...] = ()  # what ``--set`` has changed, as the user wrote it
 
     def lines(self, problems: Iterable[Problem], origins: positions.Origins) -> list[str]:
         """Return one line per problem, with its position, in the order of the text.
