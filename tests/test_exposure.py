@@ -12,7 +12,7 @@ RNG = np.random.default_rng(5)
 
 class Image:
     def __init__(self, rgb):
-        self.rgb = rgb
+        self.rgb, self.stderr = rgb, rgb[..., 0]
 
 
 def grey(values):
@@ -101,5 +101,5 @@ def test_hints_say_what_to_do():
 )
 def test_the_command_line_prints_a_chosen_exposure_and_hints(tmp_path, name, asked, stops, lines):
     said = []
-    assert shown(Image(grey(np.full((4, 4), 0.25))), tmp_path / name, asked, said.append) == stops
+    assert shown(None, Image(grey(np.full((4, 4), 0.25))), tmp_path / name, asked, said.append) == stops
     assert said == lines

@@ -1,4 +1,4 @@
-"""The exposure of an image that the command line writes, and hints about an image that is badly exposed."""
+"""The exposure of an image that the command line writes, and what is probably wrong with a dark or bright image."""
 
 from argparse import ArgumentTypeError
 from collections.abc import Callable
@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from raytrace.records import Scene
     from raytrace.rendering.result import Render
 
 AUTO, MAX_STOPS = "auto", 100.0  # as in raytrace.image.exposure, which imports NumPy
@@ -29,11 +30,12 @@ def exposure(text: str) -> float | str:
     return stops
 
 
-def shown(image: "Render", path: Path, asked: float | str, say: Callable[[str], None]) -> float:
-    """Return the exposure of an image in stops; print one that was chosen, or a hint where the image needs one.
+def shown(scene: "Scene", image: "Render", path: Path, asked: float | str, say: Callable[[str], None]) -> float:
+    """Return the exposure of an image in stops; print one that was chosen, or what is probably wrong with the image.
 
     Parameters
     ----------
+    scene : Scene
     image : Render
     path : Path
         The file it goes to: only a PNG has an exposure.
@@ -42,7 +44,10 @@ def shown(image: "Render", path: Path, asked: float | str, say: Callable[[str], 
         Prints a line.
     """
     from raytrace.image.exposure import auto_exposure, hint
+    from raytrace.rendering.seen_backs import back_warnings_of
 
+    for line in back_warnings_of(scene, image):
+        say(f"warning: {line}")
     png = path.suffix.lower() == ".png"
     stops = float(asked) if asked != AUTO else auto_exposure(image.rgb) if png else 0.0
     if asked == AUTO:

@@ -64,7 +64,7 @@ def _render(args: Namespace, load: Callable[[Namespace], "raytrace.Scene"] = loa
             return INTERRUPTED
         with signals.held():  # write the image
             target = path_of(image, path)
-            stops = shown(image, target, args.exposure, say)
+            stops = shown(scene, image, target, args.exposure, say)
             written, failure = deliver(image, target, stops)
             seconds = time.perf_counter() - began
             for line in remarks(image, reporter.last, seconds, args.target_error):
@@ -91,8 +91,12 @@ def _explain(args: Namespace) -> int:
 
 
 def _check(args: Namespace) -> int:
+    from raytrace.rendering.seen_backs import back_warnings
+
     scene = load_scene(args)
     for warning in scene.warnings:
+        streams.out(f"warning: {warning}")
+    for warning in back_warnings(scene):
         streams.out(f"warning: {warning}")
     raytrace.explain(scene)  # an error if no precision can represent the scene
     streams.out(f"{printable(args.scene)}: ok")
