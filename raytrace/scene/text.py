@@ -251,7 +251,9 @@ def from_dict(scene: dict[str, Any]) -> Text:
         if isinstance(value, os.PathLike):
             trusted.add(str(os.fspath(value)))
             return os.fspath(value)
-        raise TypeError(f"a {type(value).__name__} cannot be written as JSON")
+        mesh = hasattr(value, "vertices") and hasattr(value, "faces")
+        cure = '; a mesh in memory is the "mesh" of an object: {"mesh": ..., "material": "white"}' if mesh else ""
+        raise TypeError(f"a {type(value).__name__} cannot be written as JSON{cure}")
 
     try:
         scene, meshes = take_meshes(scene)
