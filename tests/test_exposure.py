@@ -67,8 +67,7 @@ def test_a_word_that_is_no_exposure_is_refused():
 def test_hints_say_what_to_do():
     dark, good = grey(np.full((10, 10), 0.01)), grey(np.full((10, 10), 0.4))
     assert (
-        hint(dark, 0.0)
-        == "the image is nearly black; use --exposure auto (+5.64 stops), or multiply the lights by 49.9"
+        hint(dark, 0.0) == "the image is nearly black; use --exposure auto (+5.64 stops), or multiply the lights by 50"
     )
     assert hint(dark, 5.64) == ""
     assert hint(good, 0.0) == ""
@@ -79,7 +78,7 @@ def test_hints_say_what_to_do():
     bright[5] = CLIPPED + 0.01
     assert (
         hint(bright, 0.0)
-        == "30 % of the pixels are clipped; use --exposure auto (-1.15 stops), or multiply the lights by 0.451"
+        == "30 % of the pixels are clipped; use --exposure auto (-1.15 stops), or multiply the lights by 0.45"
     )
     assert hint(bright, -1.15) == ""
 
@@ -92,7 +91,7 @@ def test_hints_say_what_to_do():
             "a.png",
             -7.0,
             -7.0,
-            ["hint: the image is nearly black; use --exposure auto (+1.00 stops), or multiply the lights by 256"],
+            ["hint: the image is nearly black; use --exposure auto (+1.00 stops), or multiply the lights by 260"],
         ),
         ("a.png", 0.0, 0.0, []),
         ("a.exr", "auto", 0.0, ["exposure: none; a .exr file stores the radiance itself"]),

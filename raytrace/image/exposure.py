@@ -87,7 +87,8 @@ def hint(rgb: ArrayLike, stops: float) -> str:
     'the image is nearly black; use --exposure auto (+8.97 stops), or multiply the lights by 500'
     """
     level, better = bright_level(rgb), auto_exposure(rgb)
-    cure = f"use --exposure auto ({better:+.2f} stops), or multiply the lights by {2.0 ** (better - stops):.3g}"
+    factor = float(f"{2.0 ** (better - stops):.2g}")
+    cure = f"use --exposure auto ({better:+.2f} stops), or multiply the lights by {factor:g}"
     if level == 0:
         return 'the image is black: see "My image is black" in docs/start.md'
     if level * 2.0**stops < DARK:
