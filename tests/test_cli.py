@@ -61,7 +61,7 @@ def library(monkeypatch, tmp_path):
         checkpoint=None,
     )
     library = SimpleNamespace(problem=None, warnings=(), asked=[], image=image)
-    monkeypatch.setattr("raytrace.rendering.seen_backs.back_warnings", lambda _scene: [])
+    monkeypatch.setattr("raytrace.scene.seen_backs.back_warnings", lambda _scene: [])
     monkeypatch.setattr(raytrace, "load", load, raising=False)
     monkeypatch.setattr(raytrace, "render", render, raising=False)
     monkeypatch.setattr(raytrace, "explain", lambda _scene: "", raising=False)

@@ -9,8 +9,8 @@ import pytest
 import raytrace as rt
 from raytrace.cli import main
 from raytrace.errors import SceneWarning
-from raytrace.rendering import seen_backs as backs
 from raytrace.rendering.result import centre_rays, make_view
+from raytrace.scene import seen_backs as backs
 
 SCENES = Path(__file__).parent.parent / "scenes"
 FLOOR = {"rectangle": {}, "material": "grey", "scale": 4, "rotate": {"axis": [1, 0, 0], "angle": 90}}  # faces down

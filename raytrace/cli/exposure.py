@@ -44,7 +44,7 @@ def shown(scene: "Scene", image: "Render", path: Path, asked: float | str, say: 
         Prints a line.
     """
     from raytrace.image.exposure import auto_exposure, hint
-    from raytrace.rendering.seen_backs import back_warnings_of
+    from raytrace.scene.seen_backs import back_warnings_of
 
     for line in back_warnings_of(scene, image):
         say(f"warning: {line}")

@@ -91,7 +91,7 @@ def _explain(args: Namespace) -> int:
 
 
 def _check(args: Namespace) -> int:
-    from raytrace.rendering.seen_backs import back_warnings
+    from raytrace.scene.seen_backs import back_warnings
 
     scene = load_scene(args)
     for warning in scene.warnings:

@@ -20,11 +20,11 @@ from raytrace.rendering.job import Job, Tiling
 from raytrace.rendering.progress import Progress, listener_of
 from raytrace.rendering.result import Render
 from raytrace.rendering.run import Run
-from raytrace.rendering.seen_backs import warn_of_backs
 from raytrace.rendering.wavefront import BATCH
 from raytrace.scene.load import load
 from raytrace.scene.other_camera import in_view, with_camera
 from raytrace.scene.path_plan import needs_paths
+from raytrace.scene.seen_backs import warn_of_backs
 from raytrace.scene.sources import Source
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import raytrace as rt
-from raytrace.rendering.seen_backs import back_warnings, seen
+from raytrace.scene.seen_backs import back_warnings, seen
 
 
 def best(call, repeats):

@@ -7,17 +7,18 @@ render, this runs only if pixels are black. A scene whose surfaces look alike fr
 
 import warnings
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.errors import SceneWarning
-from raytrace.passes.camera import make_view, parallel_origins, pinhole_directions
 from raytrace.records import DIFFUSE, PLASTIC, Camera, Mesh, Scene, View
-from raytrace.rendering.result import Render
 from raytrace.scene.other_camera import base_of, in_view
+
+if TYPE_CHECKING:
+    from raytrace.rendering.result import Render
 
 GRID = 48  # most rays along a side of the film
 MUCH = 0.25  # smallest share of the image for a warning in Python
@@ -64,7 +65,7 @@ def back_warnings(scene: Scene, size: tuple[int, int] | None = None) -> list[str
     return [back.text(scene) for back in seen_backs(in_view(scene, size), size)]
 
 
-def back_warnings_of(scene: Scene, image: Render) -> list[str]:
+def back_warnings_of(scene: Scene, image: "Render") -> list[str]:
     """Return the same for a scene that was rendered; no ray is traced if less than 2 % of the pixels are black."""
     if np.count_nonzero(image.rgb[..., 1] == 0) < OF_IMAGE * image.stderr.size:
         return []
@@ -72,7 +73,7 @@ def back_warnings_of(scene: Scene, image: Render) -> list[str]:
     return back_warnings(scene, (width, height))
 
 
-def warn_of_backs(scene: Scene, image: Render, stacklevel: int) -> None:
+def warn_of_backs(scene: Scene, image: "Render", stacklevel: int) -> None:
     """Issue a ``SceneWarning`` where a quarter of an image is black and shows backs; once for all cameras."""
     if base_of(scene) in _asked or np.count_nonzero(image.rgb[..., 1] == 0) < MUCH * image.stderr.size:
         return
@@ -122,16 +123,14 @@ def seen(mesh: Mesh, camera: Camera, size: tuple[int, int]) -> tuple[int, NDArra
     back : (n,) bool
         Whether it meets its back.
     """
-    view = make_view(camera, size, np.dtype(np.float64))
+    view = _view(camera, size)
     columns, rows = (min(GRID, side) for side in size)
     x, y = np.meshgrid((np.arange(columns) + 0.5) * size[0] / columns, (np.arange(rows) + 0.5) * size[1] / rows)
     parallel = camera.height is not None
-    if parallel:
-        o = parallel_origins(view, x.ravel(), y.ravel())
-        d = np.broadcast_to(view.forward, o.shape)
-    else:
-        d = pinhole_directions(view, x.ravel(), y.ravel())
-        o = np.broadcast_to(view.origin, d.shape)
+    right, down = ((film.ravel() - c)[:, None] for film, c in zip((x, y), view.centre, strict=True))
+    across = right * view.right + down * view.down
+    o, d = (view.origin + across, view.forward) if parallel else (view.origin, view.forward + across)
+    o, d = np.broadcast_to(o, across.shape), np.broadcast_to(d, across.shape)
     nearest, found = np.full(len(d), np.inf), np.full(len(d), -1, np.int64)
     back = np.zeros(len(d), np.bool_)
     bounds = _bounds(
@@ -145,6 +144,18 @@ def seen(mesh: Mesh, camera: Camera, size: tuple[int, int]) -> tuple[int, NDArra
             found[ray[first]], back[ray[first]] = triangle[first], facing[first] > 0
     hit = found >= 0
     return len(d), found[hit], back[hit]
+
+
+def _view(camera: Camera, size: tuple[int, int]) -> View:
+    """Return the view of a camera, as ``make_view`` of the passes does, which imports the compiler."""
+    ahead, up = camera.look_at / 2 - camera.position / 2, camera.up / np.abs(camera.up).max()
+    ahead = ahead / np.abs(ahead).max()
+    forward = ahead / np.linalg.norm(ahead)
+    right = np.cross(forward, up)
+    right /= np.linalg.norm(right)
+    height = 2.0 * np.tan(np.radians(camera.fov) / 2.0) if camera.height is None else camera.height
+    pixel = height / size[1]
+    return View(camera.position, forward, pixel * right, pixel * np.cross(forward, right), np.array(size) / 2.0)
 
 
 def _projected(points: Vectors, view: View, cells: tuple[float, float], parallel: bool) -> list[Vectors]:
