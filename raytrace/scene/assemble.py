@@ -69,14 +69,12 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
     names = _names(scene)
     for i, what in shapes.warnings + mesh_warnings:
         warnings.append(Problem(("objects", i, shape_of(scene.objects[i])), f"{names[i]}: {what}"))
-    camera = camera_of(scene.camera)
-    background = np.array(scene.background)
     made = Scene(
         source=path,
         about=scene.about,
-        camera=camera,
+        camera=camera_of(scene.camera),
         settings=settings_of(scene.film, scene.render),
-        background=background,
+        background=np.array(scene.background),
         materials=materials,
         lights=lights_of(scene, image),
         mesh=mesh,

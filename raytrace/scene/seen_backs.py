@@ -7,7 +7,7 @@ render, this runs only if pixels are black. A scene whose surfaces look alike fr
 
 import warnings
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 from weakref import WeakSet
 
 import numpy as np
@@ -16,9 +16,6 @@ from numpy.typing import NDArray
 from raytrace.errors import SceneWarning
 from raytrace.records import DIFFUSE, PLASTIC, Camera, Mesh, Scene, View
 from raytrace.scene.other_camera import base_of, in_view
-
-if TYPE_CHECKING:
-    from raytrace.rendering.result import Render
 
 GRID = 48  # most rays along a side of the film
 MUCH = 0.25  # smallest share of the image for a warning in Python
@@ -65,15 +62,15 @@ def back_warnings(scene: Scene, size: tuple[int, int] | None = None) -> list[str
     return [back.text(scene) for back in seen_backs(in_view(scene, size), size)]
 
 
-def back_warnings_of(scene: Scene, image: "Render") -> list[str]:
-    """Return the same for a scene that was rendered; no ray is traced if less than 2 % of the pixels are black."""
+def back_warnings_of(scene: Scene, image: Any) -> list[str]:
+    """Return the same for a scene and its ``Render``; no ray is traced if less than 2 % of the pixels are black."""
     if np.count_nonzero(image.rgb[..., 1] == 0) < OF_IMAGE * image.stderr.size:
         return []
     width, height = map(int, image.provenance["size"].split("x"))
     return back_warnings(scene, (width, height))
 
 
-def warn_of_backs(scene: Scene, image: "Render", stacklevel: int) -> None:
+def warn_of_backs(scene: Scene, image: Any, stacklevel: int) -> None:
     """Issue a ``SceneWarning`` where a quarter of an image is black and shows backs; once for all cameras."""
     if base_of(scene) in _asked or np.count_nonzero(image.rgb[..., 1] == 0) < MUCH * image.stderr.size:
         return
