@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from raytrace.scene.demo_scene import demo
     from raytrace.scene.load import load
     from raytrace.scene.plan import explain
+    from raytrace.scene.save import save
 
 _HOME = {
     "AllHits": "records",
@@ -48,6 +49,7 @@ _HOME = {
     "refract": "optics",
     "render": "rendering.rendering",
     "report": "reporting.sweep",
+    "save": "scene.save",
     "spawn_ray": "optics",
 }
 
@@ -74,6 +76,7 @@ __all__ = [  # noqa: RUF022  (in the order of sorted)
     "refract",
     "render",
     "report",
+    "save",
     "show",
     "spawn_ray",
     "testing",

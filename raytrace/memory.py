@@ -31,6 +31,7 @@ PIXEL, BIN, LAYERS, SEARCH = 94, 24, 58, 112  # bytes per pixel: film and image;
 SAMPLE, REFRACTED, SHADOW = 26, 18, 16  # floats per sample in flight: always, with refraction, with lights
 LIGHT, LIGHTS = 144, 12  # bytes per pixel and floats per sample in flight, of light layers
 PATH = 69  # floats per sample in flight, of path tracing
+RAY = 160  # bytes per ray of ``radiance``: origin, direction, both rounded, result; see tests/test_given_rays.py
 FIXED = 2**25  # bytes: code and threads
 
 
@@ -244,6 +245,22 @@ def check_render(render: RenderSize, trees: Trees, max_memory: int | None) -> No
         parts = f"{size(film)} for {render.pixels:,} pixels, {size(building)} for {trees.triangles:,} triangles"
         parts += f" and textures of {size(trees.textures)}" * bool(trees.textures)
         raise MemoryLimitError(f"memory: the image, with {parts}, {lacks}")
+
+
+def check_radiance(rays: int, batch: int, trees: Trees) -> None:
+    """Raise an error if there is no memory to measure the light along rays; batch: samples in flight, on all threads.
+
+    Raises
+    ------
+    MemoryLimitError
+        The message says what to reduce.
+    """
+    given = float(RAY * rays)
+    needed = FIXED + max(trees.building(), trees.built() + given + batch * trees.width * PATH)
+    cure = "divide the rays" if given > trees.building() else "simplify the meshes"
+    if lacks := Allowance().lacks(needed, cure):
+        parts = f"{size(given)} for {rays:,} rays, {size(trees.building())} for {trees.triangles:,} triangles"
+        raise MemoryLimitError(f"memory: radiance, with {parts}, {lacks.partition(', or ')[0]}")
 
 
 def check_tree(triangles: int, width: int) -> None:

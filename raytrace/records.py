@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from raytrace.record_display import displayed
 from raytrace.scene.display import SceneDisplay
 from raytrace.scene.fingerprint import fingerprint
+from raytrace.scene.replaceable import Replaceable, check_records
 from raytrace.texture_records import EnvironmentImage, FileMaterial, Textures
 
 if TYPE_CHECKING:
+    from raytrace.scene.content import Content
     from raytrace.scene.uv_source import UvSource
 
 DIFFUSE, REFRACTIVE, MIRROR, DIELECTRIC, CONDUCTOR, ROUGH_DIELECTRIC, ROUGH_CONDUCTOR, PLASTIC = range(8)
@@ -124,7 +126,7 @@ class Settings(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Scene(SceneDisplay):
+class Scene(SceneDisplay, Replaceable):
     """A valid scene: ``rt.load`` returns it, and ``rt.render`` renders it."""
 
     source: Path | None  # its file; None for a dict
@@ -139,15 +141,16 @@ class Scene(SceneDisplay):
     warnings: tuple[str, ...]  # about valid but probably unintended content, one line each
     textures: Textures | None = None  # of the materials that objects have; None: there are none
     uv_source: UvSource | None = None  # reads uv that no material needs; None: there are none but those of the mesh
+    content: Content | None = None  # what it was read from; None: a program made its records
 
     sha256 = cached_property(fingerprint)  # computed on first use; a scene from ``dataclasses.replace`` has its own
 
+    def __post_init__(self) -> None:
+        check_records(self, camera=Camera, settings=Settings, materials=Materials, lights=Lights, mesh=Mesh)
+
     @cached_property
     def corner_uv(self) -> NDArray[np.float64] | None:
-        """Texture coordinates of the corners of all triangles, (m, 3, 2); those that no material needs are read now.
-
-        NaN for objects that have none; None if none is known.
-        """
+        """Texture coordinates of all corners, (m, 3, 2), read now if need be; NaN: an object has none; None: all."""
         uv = self.mesh.uv
         if self.uv_source is None or (uv is not None and not np.isnan(uv).any()):
             return uv

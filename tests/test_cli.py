@@ -56,10 +56,12 @@ def library(monkeypatch, tmp_path):
         interrupted=False,
         stats=stats,
         provenance=provenance,
+        rgb=np.full((2, 2, 3), 0.5, np.float32),
         stderr=np.zeros((2, 2), np.float32),
         checkpoint=None,
     )
     library = SimpleNamespace(problem=None, warnings=(), asked=[], image=image)
+    monkeypatch.setattr("raytrace.scene.seen_backs.back_warnings", lambda _scene: [])
     monkeypatch.setattr(raytrace, "load", load, raising=False)
     monkeypatch.setattr(raytrace, "render", render, raising=False)
     monkeypatch.setattr(raytrace, "explain", lambda _scene: "", raising=False)

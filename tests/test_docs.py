@@ -182,6 +182,14 @@ def test_meshes_of_other_packages_as_start_shows_them(capsys, monkeypatch, tmp_p
     assert len({path.read_bytes() for path in tmp_path.glob("turn-*.png")}) == 3
 
 
+def test_the_scene_of_the_format_page_is_changed_and_saved(tmp_path, monkeypatch, capsys):
+    (tmp_path / "scenes").symlink_to(ROOT / "scenes", target_is_directory=True)
+    monkeypatch.chdir(tmp_path)
+    exec("\n".join(blocks("scene-format.md", "data")), {})
+    assert capsys.readouterr().out == "True\n"
+    assert (tmp_path / "wide-files").is_dir()
+
+
 def test_rays_only_as_start_shows_them(capsys, monkeypatch):
     monkeypatch.chdir(ROOT)
     (program,) = blocks("start.md", "rays")

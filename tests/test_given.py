@@ -1,6 +1,7 @@
 """Meshes that a program gives: to ``BVH``, and in scenes that are dicts."""
 
 import pickle
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +16,7 @@ from scene_files import scene, write
 
 ROOT = Path(__file__).parents[1]
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float64), np.array([[0, 1, 2], [0, 2, 3]])
+MESH = SimpleNamespace(vertices=SQUARE[0], faces=SQUARE[1])
 
 
 def as_dict(mesh, *more, **changes):
@@ -203,3 +205,19 @@ rt.BVH(*square)
 assert not {"trimesh"} & sys.modules.keys()
 """
     subprocess.run([sys.executable, "-c", program], check=True, cwd=ROOT, timeout=120)
+
+
+@pytest.mark.parametrize(
+    ("objects", "text"),
+    [
+        (
+            [MESH],
+            'a SimpleNamespace cannot be written as JSON; a mesh in memory is the "mesh" of an object: {"mesh": ..., ',
+        ),
+        ([{"box": MESH, "material": "m"}], "a SimpleNamespace cannot be written as JSON; a mesh in memory is the"),
+        ([{"mesh": {"vertices": [], "faces": []}}], "objects[0].mesh: a dict; write (vertices, faces), two arrays"),
+    ],
+)
+def test_meshes_in_the_wrong_place_say_where_they_belong(objects, text):
+    with pytest.raises(rt.SceneError, match=re.escape(f"scene: {text}")):
+        rt.load({"objects": objects})

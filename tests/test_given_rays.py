@@ -1,6 +1,7 @@
 """``rt.radiance``: closed forms, the image of the same rays, honest errors, and results that no batch changes."""
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 import raytrace as rt
 from light_cases import ABOVE, CUBE, PLANE, diffuse, scene
 from light_scenes import glass_and_metal
+from raytrace import memory
 from raytrace.errors import OptionError
 from raytrace.passes.camera import make_view, pinhole_directions
 from raytrace.rendering import given_rays
@@ -118,3 +120,26 @@ def test_many_samples_fit_into_few_batches():
 def test_mistakes_are_named(call, text):
     with pytest.raises(OptionError, match=text):
         call()
+
+
+def test_too_many_rays_are_refused_before_any_array_is_made(monkeypatch):
+    monkeypatch.setattr(memory, "free", lambda: 1e9)
+    ways = np.broadcast_to([0.0, 0.0, 1.0], (200_000_000, 3))
+    with pytest.raises(
+        OptionError, match=r"^memory: radiance, with 29.8 GiB for 200,000,000 rays, .*; divide the rays$"
+    ):
+        rt.radiance(ROOM, [0, 0, 0], ways)
+
+
+def test_the_memory_of_rays_is_not_underestimated():
+    n, options = 100_000, {"spp": 1, "precision": "float64", "threads": 1}
+    ways = directions(n)
+    rt.radiance(ROOM, [0, 0, 0], ways[:9], **options)
+    tracemalloc.start()
+    try:
+        rt.radiance(ROOM, np.zeros(3), ways, **options)
+        used = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    batch = given_rays.BATCH * 8 * memory.PATH
+    assert 0.5 * memory.RAY * n < used <= memory.RAY * n + 2 * batch

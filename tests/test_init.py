@@ -41,7 +41,19 @@ HEAVY = {
     "rich",
 }
 FUNCTIONS = {
-    *("camera_rays", "compare", "demo", "explain", "load", "radiance", "reflect", "refract", "render", "report"),
+    *(
+        "camera_rays",
+        "compare",
+        "demo",
+        "explain",
+        "load",
+        "radiance",
+        "reflect",
+        "refract",
+        "render",
+        "report",
+        "save",
+    ),
     "spawn_ray",
 }
 CLASSES = {

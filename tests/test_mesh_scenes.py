@@ -13,6 +13,7 @@ import raytrace as rt
 from gltf_files import File
 from raytrace.cli.main import main
 from raytrace.records import DIFFUSE
+from raytrace.scene.mesh_scene import UNUSED_COLORS
 
 BALL = trimesh.creation.icosphere(subdivisions=2)
 QUAD = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]]
@@ -428,3 +429,22 @@ def test_a_broken_mesh_of_a_trimesh_scene_is_named():
     source.add_geometry(broken, geom_name="broken")
     with pytest.raises(rt.SceneError, match=r"^trimesh\.Scene: broken: vertices: row 7 is not finite"):
         rt.load(source)
+
+
+@pytest.mark.parametrize("suffix", ["", ".gz"])
+@pytest.mark.parametrize("kind", [".ply", ".obj"])
+def test_vertex_colours_that_are_not_used_are_named(tmp_path, kind, suffix):
+    plain = {
+        ".obj": "v 0 0 0{}\nv 1 0 0{}\nv 0 1 0{}\nf 1 2 3\n",
+        ".ply": "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n{}"
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0{}\n1 0 0{}\n0 1 0{}\n3 0 1 2\n",
+    }[kind]
+    header = "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+    colours = [" 1 0 0"] * 3 if kind == ".obj" else [header, *[" 9 8 7"] * 3]
+    for name, parts in (("plain", [""] * len(colours)), ("coloured", colours)):
+        data = plain.format(*parts).encode()
+        (tmp_path / f"{name}{kind}{suffix}").write_bytes(gzip.compress(data) if suffix else data)
+    assert rt.load(tmp_path / f"plain{kind}{suffix}").warnings == ()
+    path = tmp_path / f"coloured{kind}{suffix}"
+    assert rt.load(path).warnings == (f"{path}: {UNUSED_COLORS}",)
+    assert '"albedo": {"attribute": "color"}' in UNUSED_COLORS

@@ -4,6 +4,8 @@ from argparse import ArgumentParser, ArgumentTypeError
 from collections.abc import Callable
 from pathlib import Path
 
+from raytrace.cli.changes import set_option
+from raytrace.cli.exposure import exposure
 from raytrace.cli.parser import suggestion
 from raytrace.limits import LAYERS, LIGHT_LAYERS
 
@@ -127,12 +129,14 @@ def scene_options(parser: ArgumentParser) -> None:
     """Declare the scene file and the options for loading it."""
     parser.add_argument("scene", type=Path, help="scene file (JSON), or a mesh file")
     _load_options(parser)
+    set_option(parser)
 
 
 def scenes_options(parser: ArgumentParser) -> None:
     """Declare several scene files and the options for loading them."""
     parser.add_argument("scenes", type=Path, nargs="+", metavar="scene", help="scene files (JSON), or mesh files")
     _load_options(parser)
+    set_option(parser)
 
 
 def check_options(parser: ArgumentParser) -> None:
@@ -162,6 +166,7 @@ def render_options(parser: ArgumentParser) -> None:
 def demo_options(parser: ArgumentParser) -> None:
     """Declare the options of ``demo``: those of ``render``, without a scene."""
     _memory_option(parser)
+    set_option(parser)
     _image_options(parser)
 
 
@@ -174,8 +179,8 @@ def _image_options(parser: ArgumentParser) -> None:
     add("--cluster", metavar="ADDRESS", help=text)
     text = "resume from <output>.checkpoint if it exists; otherwise create it"
     add("--resume", action="store_true", help=text)
-    text = "of a .png: multiply radiance by 2^STOPS"
-    add("--exposure", type=real_number(-100, 100), default=0.0, metavar="STOPS", help=text)
+    text = "of a .png: multiply radiance by 2^STOPS; auto: so that the image is shown well"
+    add("--exposure", type=exposure, default=0.0, metavar="STOPS", help=text)
     add("--quiet", action="store_true", help="no progress and no messages, only errors")
     add("--json", action="store_true", help="print one JSON object: path, seconds, statistics")
 
@@ -239,6 +244,7 @@ def report_options(parser: ArgumentParser) -> None:
     about = "scene files (JSON) to measure speed and error of; several get a page each, and one page over all"
     add("scenes", type=Path, nargs="*", metavar="scene", help=about)
     _load_options(parser)
+    set_option(parser)
     add("--hard-cases", action="store_true", help="instead of a scene, test rays that break ray tracers")
     add("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the report")
     add("--reference", type=Path, metavar="FILE", help="reference image, .exr or .npz (default: rendered, and kept)")

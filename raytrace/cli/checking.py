@@ -42,9 +42,11 @@ def _check(args: Namespace, load: Load) -> int:
 
 
 def _warnings(args: Namespace, load: Load) -> tuple[str, ...]:
+    from raytrace.scene.seen_backs import back_warnings
+
     scene = load(args)
     raytrace.explain(scene)  # an error if no precision can represent the scene
-    return scene.warnings
+    return (*scene.warnings, *back_warnings(scene))
 
 
 def _check_as_json(args: Namespace, load: Load, checked: list[dict[str, Any]]) -> int:

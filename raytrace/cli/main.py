@@ -13,11 +13,12 @@ from typing import NamedTuple
 
 import raytrace
 from raytrace.cli import arguments, streams
+from raytrace.cli.changes import load_demo, load_scene
 from raytrace.cli.comparing import compare_options, compared
 from raytrace.cli.conformance import conformance, conformance_options
 from raytrace.cli.failures import DIFFERENT, DONE, USAGE, failed
 from raytrace.cli.parser import Parser, suggestion
-from raytrace.cli.terminal import INTERRUPTED, Reporter, at_terminal, counting, signals_interrupt
+from raytrace.cli.terminal import Reporter, at_terminal, counting
 from raytrace.errors import printable, without_scene_warnings
 
 QUICK = {  # environment variables that skip slow steps of packages at import
@@ -43,21 +44,17 @@ KNOWN = "; raytrace --help lists the commands"
 # render ---------------------------------------------------------------------------------------------------------------
 
 
-def _load(args: Namespace) -> "raytrace.Scene":
-    return raytrace.load(args.scene, args.root, args.max_memory)
-
-
 def _render(args: Namespace) -> int:
     from raytrace.cli.rendering import render_scenes
 
-    return render_scenes(args, _load)
+    return render_scenes(args, load_scene)
 
 
 def _demo(args: Namespace) -> int:
     from raytrace.cli.rendering import render_scenes
 
     args.scenes = [Path("demo")]  # the image file is named after it
-    return render_scenes(args, lambda _args: raytrace.demo())
+    return render_scenes(args, load_demo)
 
 
 # The other commands ---------------------------------------------------------------------------------------------------
@@ -66,19 +63,19 @@ def _demo(args: Namespace) -> int:
 def _explain(args: Namespace) -> int:
     from raytrace.cli.explaining import explain_scenes
 
-    return explain_scenes(args, _load)
+    return explain_scenes(args, load_scene)
 
 
 def _check(args: Namespace) -> int:
     from raytrace.cli.checking import check_scenes
 
-    return check_scenes(args, _load)
+    return check_scenes(args, load_scene)
 
 
 def _view(args: Namespace) -> int:
     from raytrace.cli.viewing import view
 
-    return view(args, _load)
+    return view(args, load_scene)
 
 
 def _compare(args: Namespace) -> int:
@@ -107,7 +104,7 @@ def _report(args: Namespace) -> int:
         raise ArgumentError(None, "report: expected a scene: raytrace report scene.json -o DIR (or --hard-cases)")
     from raytrace.cli.reports import report_scenes
 
-    return report_scenes(args, _load)
+    return report_scenes(args, load_scene)
 
 
 def _conformance(args: Namespace) -> int:
@@ -118,7 +115,7 @@ def _export(args: Namespace) -> int:
     from raytrace.exporting.export import export_scene
 
     with without_scene_warnings():  # they are about our own image
-        path, warnings = export_scene(_load(args), args.to, args.output, args.approximate)
+        path, warnings = export_scene(load_scene(args), args.to, args.output, args.approximate)
     for warning in warnings:
         streams.say(f"warning: {warning}")
     streams.out(printable(path))

@@ -85,6 +85,7 @@ def _render(args: Namespace, path: Path, load: Load, signals: Signals) -> int:
     say = (lambda _line: None) if args.quiet else streams.say
     scene = load(args)
     from raytrace.cli.delivery import checkpoint_of, connected, deliver, nothing, path_of, remarks
+    from raytrace.cli.exposure import shown
     from raytrace.scene.checks import warnings_of
 
     for warning in warnings_of(scene, args.precision):
@@ -100,7 +101,8 @@ def _render(args: Namespace, path: Path, load: Load, signals: Signals) -> int:
         return INTERRUPTED
     with signals.held():  # write the image
         target = path_of(image, path)
-        written, failure = deliver(image, target, args.exposure)
+        stops = shown(scene, image, target, args.exposure, say)
+        written, failure = deliver(image, target, stops)
         seconds = time.perf_counter() - began
         for line in remarks(image, reporter.last, seconds, args.target_error):
             say(line)
@@ -109,6 +111,7 @@ def _render(args: Namespace, path: Path, load: Load, signals: Signals) -> int:
             streams.say(failure or printable(text))
         if args.json:
             outcome = {"scene": str(args.scene), "path": str(written), "seconds": seconds, "complete": image.complete}
+            outcome |= {"exposure": stops} if args.exposure == "auto" else {}
             streams.out(streams.json_text(outcome | {"stats": image.stats, "provenance": image.provenance}))
         else:
             streams.out(printable(written))

@@ -23,10 +23,10 @@ from numpy.typing import ArrayLike, NDArray
 from raytrace.errors import FileError, FileMemoryError, printable, shortened
 from raytrace.files import write_whole
 from raytrace.image import png
+from raytrace.image.exposure import Exposure, stops_of
 from raytrace.image.paths import check_path, suffix_of
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # (3,) f8: Y of linear Rec. 709 and sRGB primaries   [ITU-R BT.709-6]
-MAX_STOPS = 100.0  # limit of |exposure|: 2**100 is almost the largest float32
 MAX_REASON = 300  # characters
 ROWS = 64  # rows converted to sRGB at a time
 PROVENANCE = "provenance"  # name of the array in an NPZ
@@ -78,23 +78,22 @@ def srgb_decode(code: ArrayLike) -> NDArray[np.float64]:
     return np.where(x <= 0.04045, x / 12.92, ((np.maximum(x, 0.0) + 0.055) / 1.055) ** 2.4)
 
 
-def srgb8(rgb: ArrayLike, exposure: float = 0.0) -> NDArray[np.uint8]:
+def srgb8(rgb: ArrayLike, exposure: Exposure = 0.0) -> NDArray[np.uint8]:
     """Convert linear radiance to 8-bit sRGB: ``floor(255 encode(clip(rgb 2**exposure, 0, 1)) + 1/2)``.
 
-    NaN becomes 0, inf 255. `rgb` has any shape; `exposure` is in stops, -100..100, else a ValueError.
+    NaN becomes 0, inf 255. `rgb` has any shape; `exposure` is in stops, -100..100, or "auto" for an image; else a
+    ValueError.
 
     >>> srgb8([0.0, 0.5, 2.0]).tolist()
     [0, 188, 255]
     """
-    if not abs(exposure) <= MAX_STOPS:
-        raise ValueError(f"exposure: expected stops from {-MAX_STOPS:g} to {MAX_STOPS:g}, got {exposure!r}")
-    white = 2.0**-exposure
+    white = 2.0 ** -stops_of(exposure, rgb)
     linear = np.nan_to_num(np.clip(np.asarray(rgb, np.float64), 0.0, white) / white)  # NaN to 0
     return (255.0 * srgb_encode(linear) + 0.5).astype(np.uint8)
 
 
-def png_bytes(rgb: ArrayLike, provenance: Mapping[str, Any] = NOTHING, exposure: float = 0.0) -> bytes:
-    """Encode (h, w, 3) linear radiance as an 8-bit PNG; `load` reverts the exposure, in stops.
+def png_bytes(rgb: ArrayLike, provenance: Mapping[str, Any] = NOTHING, exposure: Exposure = 0.0) -> bytes:
+    """Encode (h, w, 3) linear radiance as an 8-bit PNG; `load` reverts the exposure, in stops or "auto".
 
     Raises
     ------
@@ -102,6 +101,7 @@ def png_bytes(rgb: ArrayLike, provenance: Mapping[str, Any] = NOTHING, exposure:
         The shape isn't (h, w, 3), or the exposure is out of range.
     """
     rows = checked({"rgb": rgb})["rgb"]
+    exposure = stops_of(exposure, rows)
     code = np.empty(rows.shape, np.uint8)
     for top in range(0, len(rows), ROWS):  # float64 for the whole image would take eight times the memory
         code[top : top + ROWS] = srgb8(rows[top : top + ROWS], exposure)
@@ -116,7 +116,7 @@ def save(
     var: ArrayLike | None = None,
     aov: Mapping[str, ArrayLike] = NOTHING,
     provenance: Mapping[str, Any] = NOTHING,
-    exposure: float = 0.0,
+    exposure: Exposure = 0.0,
 ) -> Path:
     """Write an image file, completely or not at all; the extension selects the format.
 
@@ -135,8 +135,9 @@ def save(
         (h, w, 3).
     provenance : mapping of str to str, int or float
         How the image was made.
-    exposure : float
-        Exposure of a PNG, in stops; the other formats store the radiance itself.
+    exposure : float or "auto"
+        Exposure of a PNG, in stops; "auto" chooses it (`raytrace.image.exposure.auto_exposure`), and the number stands
+        in the provenance. The other formats store the radiance itself.
 
     Raises
     ------

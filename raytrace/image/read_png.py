@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.image.decoding import TRANSPARENT, RefusedError, check_size, from_texts
-from raytrace.image.files import MAX_STOPS, Contents, checked, srgb_decode
+from raytrace.image.exposure import MAX_STOPS
+from raytrace.image.files import Contents, checked, srgb_decode
 from raytrace.image.png import SIGNATURE
 
 PIXEL_BYTES = 40  # peak memory per pixel while reading

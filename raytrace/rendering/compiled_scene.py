@@ -10,7 +10,7 @@ from raytrace.accel.bvh import BVH
 from raytrace.memory import Trees, check_tree
 from raytrace.passes.light import triangles_at
 from raytrace.records import REFRACTIVE, Scene, Shading
-from raytrace.scene.other_camera import base_of
+from raytrace.scene.other_camera import base_of, root_of
 from raytrace.scene.path_plan import needs_paths
 from raytrace.scene.plan import Plan, make_plan
 
@@ -33,6 +33,7 @@ class CompiledScene(NamedTuple):
 
 
 _paths: WeakKeyDictionary[Scene, dict[tuple[str, str], "PathScene"]] = WeakKeyDictionary()  # precision, integrator
+_trees: WeakKeyDictionary[Scene, dict[str, BVH]] = WeakKeyDictionary()  # by the root of scenes, and by precision
 _compiled: WeakKeyDictionary[Scene, dict[str, CompiledScene]] = WeakKeyDictionary()  # by precision
 
 
@@ -46,7 +47,11 @@ def compiled_of(scene: Scene, plan: Plan, precision: str) -> CompiledScene:
             compiled = compiled._replace(shadow_bvhs=_shadow_bvhs(scene, compiled.bvh, positions))
         by_precision[precision] = compiled._replace(plan=plan)
     elif precision not in by_precision:
-        by_precision[precision] = compile_scene(scene, plan, precision)
+        trees = _trees.setdefault(
+            root_of(scene), {}
+        )  # of scenes of the same triangles, as ``Scene.replace`` makes them
+        by_precision[precision] = compile_scene(scene, plan, precision, bvh=trees.get(precision))
+        trees[precision] = by_precision[precision].bvh
     return by_precision[precision]
 
 
@@ -97,12 +102,19 @@ def trees_of(scene: Scene, plan: Plan, precision: str, paths: bool = False) -> T
 
 
 def compile_scene(
-    scene: Scene, plan: Plan, precision: str, split: str = "sah", triangle: str = "watertight"
+    scene: Scene,
+    plan: Plan,
+    precision: str,
+    split: str = "sah",
+    triangle: str = "watertight",
+    *,
+    bvh: BVH | None = None,
 ) -> CompiledScene:
-    """Build the trees and tables of a scene; ``split`` and ``triangle`` as in ``BVH``."""
+    """Build the trees and tables of a scene; ``split`` and ``triangle`` as in ``BVH``; bvh: its tree, if known."""
     dtype = np.dtype(precision)
     mesh = scene.mesh
-    bvh = BVH(mesh.vertices, mesh.faces, precision, split, triangle)
+    if bvh is None:
+        bvh = BVH(mesh.vertices, mesh.faces, precision, split, triangle)
     positions = scene.lights.position.astype(dtype)
     return CompiledScene(
         plan,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,6 +15,7 @@ from raytrace.accel.lanes import PACKET
 from raytrace.errors import OptionError
 from raytrace.jit import load_all
 from raytrace.limits import MAX_DEPTH
+from raytrace.memory import check_radiance
 from raytrace.passes.camera import camera_rays, make_view
 from raytrace.passes.estimate import errors
 from raytrace.passes.film import accumulate, develop
@@ -21,7 +23,7 @@ from raytrace.passes.lens import lens_rays
 from raytrace.passes.paths import begin_paths
 from raytrace.passes.sampling import make_sampler
 from raytrace.records import Columns, Scene
-from raytrace.rendering.compiled_scene import compiled_of, path_scene_of, plan_of
+from raytrace.rendering.compiled_scene import compiled_of, path_scene_of, plan_of, trees_of
 from raytrace.rendering.path_scene import PathScene
 from raytrace.rendering.path_wavefront import PathWavefront
 from raytrace.rendering.rendering import override, within
@@ -113,7 +115,8 @@ def radiance(
     SceneError, FileError
         As ``load`` does.
     OptionError
-        An option has a value that is not allowed; shapes do not broadcast; a ray is not finite, or has no direction.
+        An option has a value that is not allowed; shapes do not broadcast; a ray is not finite, or has no direction;
+        there is not enough memory for the rays, which is known before any is traced.
 
     Notes
     -----
@@ -140,10 +143,16 @@ def radiance(
     if not isinstance(scene, Scene):
         scene = load(scene)
     settings = override(scene.settings, spp, None, seed, precision, sampler, integrator=integrator)
-    shape, starts, ways = _rays_of(origins, directions)
+    shape, given = _shape_of(origins, directions)
     count = parallel.thread_count(threads)
     plan = plan_of(scene)
     kind = plan.precision.name if settings.precision == "auto" else settings.precision
+    check_radiance(
+        math.prod(shape[:-1]),
+        _batch(math.prod(shape[:-1]), settings.spp, count),
+        trees_of(scene, plan, kind, paths=True),
+    )
+    starts, ways = _rays_of(shape, given)
     paths = path_scene_of(scene, compiled_of(scene, plan, kind), settings.integrator)
     if max_depth is not None:
         paths = paths._replace(max_depth=within("max_depth", max_depth, 1, MAX_DEPTH))
@@ -160,11 +169,11 @@ def radiance(
         samples,
     )
     mean, stderr = _measure(probe, count)
-    return mean.reshape(*shape, 3), stderr.reshape(*shape, 3)
+    return mean.reshape(shape), stderr.reshape(shape)
 
 
-def _rays_of(origins: ArrayLike, directions: ArrayLike) -> tuple[tuple[int, ...], F8, F8]:
-    """Leading shape, origins and unit directions, checked."""
+def _shape_of(origins: ArrayLike, directions: ArrayLike) -> tuple[tuple[int, ...], list[F8]]:
+    """Shape that origins and directions broadcast to, with the axis of 3, and both as arrays."""
     given = []
     for name, rows in (("origins", origins), ("directions", directions)):
         try:
@@ -179,10 +188,14 @@ def _rays_of(origins: ArrayLike, directions: ArrayLike) -> tuple[tuple[int, ...]
     except ValueError:
         text = f"the shapes {given[0].shape} and {given[1].shape} do not broadcast"
         raise OptionError(f"origins, directions: {text}") from None
-    shape = shape if len(shape) > 1 else (1, *shape)
+    if (rays := math.prod(shape[:-1])) >= MOST_RAYS:
+        raise OptionError(f"origins: {rays:,} rays; at most {MOST_RAYS:,}: divide them")
+    return shape if len(shape) > 1 else (1, *shape), given
+
+
+def _rays_of(shape: tuple[int, ...], given: list[F8]) -> tuple[F8, F8]:
+    """Origins and unit directions, (n, 3), checked."""
     o, d = (np.broadcast_to(array, shape).reshape(-1, 3) for array in given)
-    if len(o) >= MOST_RAYS:
-        raise OptionError(f"origins: {len(o):,} rays; at most {MOST_RAYS:,}: divide them")
     size = np.abs(d).max(axis=1, initial=0)
     for name, good in (("origins", np.isfinite(o).all(axis=1)), ("directions", np.isfinite(size) & (size > 0))):
         if not good.all():
@@ -190,7 +203,12 @@ def _rays_of(origins: ArrayLike, directions: ArrayLike) -> tuple[tuple[int, ...]
             wanted = "finite numbers" if name == "origins" else "finite numbers that are not all 0"
             raise OptionError(f"{name}: ray {row}: expected {wanted}, got {(o if name == 'origins' else d)[row]}")
     scaled = d / size[:, None]  # first by the largest component, so that no square leaves the range
-    return shape[:-1], o, scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
+    return o, scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
+
+
+def _batch(rays: int, spp: int, threads: int) -> int:
+    """Samples in flight, on all threads."""
+    return min(threads, -(-rays * spp // BATCH)) * BATCH
 
 
 def _rounded(rows: F8, dtype: np.dtype) -> NDArray[np.floating]:

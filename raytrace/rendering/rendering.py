@@ -26,6 +26,7 @@ from raytrace.rendering.wavefront import BATCH
 from raytrace.scene.load import load
 from raytrace.scene.other_camera import in_view, with_camera
 from raytrace.scene.path_plan import needs_paths
+from raytrace.scene.seen_backs import warn_of_backs
 from raytrace.scene.sources import Source
 
 if TYPE_CHECKING:
@@ -109,7 +110,8 @@ def render(
     Warns
     -----
     SceneWarning
-        A refractive surface coincides with another surface, so that rays can miss one of them.
+        A refractive surface coincides with another surface, so that rays can miss one of them. Or a quarter of the
+        image is black, because it shows the back of one-sided surfaces.
 
     Examples
     --------
@@ -158,7 +160,9 @@ def render(
         tiling = cluster.tiling(tiling, pixels)
     if file:
         tiling = file.begin(job) or tiling
-    return Run(job, tiling, file, cluster, listener).run(count, limit, layers)
+    image = Run(job, tiling, file, cluster, listener).run(count, limit, layers)
+    warn_of_backs(scene, image, stacklevel=2)
+    return image
 
 
 def memory_of(job: Job, layers: Sequence[str], threads: int) -> RenderSize:

@@ -117,14 +117,15 @@ class Render:
     interrupted: bool
     checkpoint: Checkpoint | None = None
 
-    def save(self, path: str | Path, exposure: float = 0.0) -> Path:
+    def save(self, path: str | Path, exposure: files.Exposure = 0.0) -> Path:
         """Write the image as PNG (sRGB), EXR (linear, with layers) or NPZ (arrays), depending on the file extension.
 
         Parameters
         ----------
         path : str or Path
-        exposure : float, stops
-            PNG only: radiance is multiplied by 2**exposure.
+        exposure : float, stops, or "auto"
+            PNG only: radiance is multiplied by 2**exposure. "auto": the brightest 5 % of the lit pixels begin one stop
+            below white. The number is in the provenance of the file.
 
         Returns
         -------

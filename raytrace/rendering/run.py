@@ -26,6 +26,7 @@ from raytrace.rendering.progress import Progress, ProgressListener
 from raytrace.rendering.result import Layers, Render, state_of, trace_layers
 from raytrace.rendering.threads import RenderThreads
 from raytrace.rendering.wavefront import BATCH
+from raytrace.scene.content import changes_of
 from raytrace.scene.path_plan import needs_paths
 
 if TYPE_CHECKING:
@@ -272,6 +273,7 @@ class Run:
             "precision": self.job.precision,
             "samples": int(self.samples.min()),
             **({} if settings.integrator == "direct" else {"integrator": settings.integrator}),
+            **({"set": "; ".join(changes)} if (changes := changes_of(self.job.scene)) else {}),
             "complete": complete,
             "seconds": round(seconds, 4),
         }

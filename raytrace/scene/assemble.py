@@ -15,6 +15,7 @@ from raytrace.memory import Allowance, Joining
 from raytrace.records import Camera, RawMesh, Scene, Settings
 from raytrace.scene import checks
 from raytrace.scene.attributes import COLOR, FROM_FILE, MATERIAL, NOTHING, UV, check_attributes, needed, wanted_of
+from raytrace.scene.content import Content
 from raytrace.scene.files import Reach
 from raytrace.scene.joining import MeshWarning, join
 from raytrace.scene.meshes.given import MARK, read_given
@@ -68,14 +69,12 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
     names = _names(scene)
     for i, what in shapes.warnings + mesh_warnings:
         warnings.append(Problem(("objects", i, shape_of(scene.objects[i])), f"{names[i]}: {what}"))
-    camera = camera_of(scene.camera)
-    background = np.array(scene.background)
     made = Scene(
         source=path,
         about=scene.about,
-        camera=camera,
-        settings=_settings(scene.film, scene.render),
-        background=background,
+        camera=camera_of(scene.camera),
+        settings=settings_of(scene.film, scene.render),
+        background=np.array(scene.background),
         materials=materials,
         lights=lights_of(scene, image),
         mesh=mesh,
@@ -83,6 +82,7 @@ def assemble(scene: Any, data: dict[str, Any], path: Path | None, text: Text, or
         warnings=(),
         textures=textures,
         uv_source=UvSource(scene.objects, reach, with_uv(text.meshes)),
+        content=Content(text, reach),
     )
     if made.refractive:
         from raytrace.scene.coincident import MOST_PAIRS, chosen_coincidences
@@ -100,7 +100,8 @@ def camera_of(view: Any) -> Camera:
     return Camera(position, look_at, np.array(view.up), view.fov or 0.0, view.aperture, focus, height)
 
 
-def _settings(film: Any, render: Any) -> Settings:
+def settings_of(film: Any, render: Any) -> Settings:
+    """Settings of valid data."""
     return Settings(
         film.size,
         render.spp,

@@ -76,7 +76,7 @@ def load(source: Source, root: str | Path | None = None, max_memory: int | None 
     >>> scene.camera.look_at.tolist(), scene.camera.fov
     ([0.5, 0.5, 0.0], 40.0)
     """
-    if not isinstance(source, str | os.PathLike | dict) or _is_mesh_file(source):
+    if not isinstance(source, str | os.PathLike | dict) or is_mesh_file(source):
         from raytrace.scene.mesh_scene import load_mesh
 
         return load_mesh(source, check_root(root), max_memory)
@@ -89,7 +89,7 @@ def load(source: Source, root: str | Path | None = None, max_memory: int | None 
     return read_scene(text, path, reach)
 
 
-def _is_mesh_file(source: str | Path | dict[str, Any]) -> bool:
+def is_mesh_file(source: str | Path | dict[str, Any]) -> bool:
     """Return whether something to load is the path of a mesh, and no scene."""
     return not isinstance(source, dict) and format_of(Path(source)) in FORMATS + OTHERS
 

@@ -24,6 +24,7 @@ from raytrace.scene.load import read_scene
 from raytrace.scene.meshes.entries import Entry
 from raytrace.scene.meshes.given import is_mesh
 from raytrace.scene.meshes.trimesh_scenes import is_trimesh_scene, scene_of
+from raytrace.scene.meshes.vertex_colors import has_vertex_colors
 from raytrace.scene.other_camera import framed
 from raytrace.scene.text import MAX_TEXT, Text, from_dict
 
@@ -33,6 +34,7 @@ UP = np.array([0.0, 1.0, 0.0])
 GREY = "no material"
 MATERIAL = {"type": "diffuse", "albedo": [0.7, 0.7, 0.7], "two_sided": True}
 SKY = {"type": "environment", "radiance": [1, 1, 1]}
+UNUSED_COLORS = 'vertex colours are not used; a scene shows them by a material with "albedo": {"attribute": "color"}'
 ANY_CAMERA = {"position": [1, 1, 1], "look_at": [0, 0, 0], "fov": FOV}  # until the size of the mesh is known
 
 
@@ -76,8 +78,10 @@ def load_mesh(source: Any, root: Path | None, max_memory: int | None) -> Scene:
     text = from_dict({"camera": ANY_CAMERA, "lights": [SKY]} | entry)
     scene = read_scene(_MeshText(name, text, names), path, reach)
     camera = _diagonal(scene.mesh) if chosen else _towards(scene.camera, scene.mesh)
-    warnings = (f"{printable(name)}: left out: {shortened(', '.join(left_out), MAX_TEXT)}",) if left_out else ()
-    scene = replace(scene, camera=camera, settings=_settings(scene), warnings=scene.warnings + warnings)
+    warnings = [f"{printable(name)}: left out: {shortened(', '.join(left_out), MAX_TEXT)}"] if left_out else []
+    if path and has_vertex_colors(path):
+        warnings.append(f"{printable(name)}: {UNUSED_COLORS}")
+    scene = replace(scene, camera=camera, settings=_settings(scene), warnings=(*scene.warnings, *warnings))
     return framed(scene) if chosen else scene
 
 

@@ -10,12 +10,32 @@ from raytrace.records import Camera, Scene
 
 _bases: WeakKeyDictionary[Scene, Scene] = WeakKeyDictionary()  # scene with another camera -> the scene it comes from
 
+_roots: WeakKeyDictionary[Scene, Scene] = WeakKeyDictionary()  # scene -> the one whose trees it shares
+
 _framed: WeakSet[Scene] = WeakSet()  # scenes without a camera of their own
 
 
 def base_of(scene: Scene) -> Scene:
     """Return the scene whose trees and tables a scene shares: itself, unless it comes from ``with_camera``."""
     return _bases.get(scene, scene)
+
+
+def root_of(scene: Scene) -> Scene:
+    """Return the scene whose trees a scene shares, but not its tables: itself, unless it comes from ``share_trees``."""
+    base = base_of(scene)
+    return _roots.get(base, base)
+
+
+def share_trees(other: Scene, scene: Scene) -> Scene:
+    """Let a scene of the same triangles share the trees of a scene, which is kept alive; return it."""
+    _roots[other] = root_of(scene)
+    return other
+
+
+def share_all(other: Scene, scene: Scene) -> Scene:
+    """Let a scene that differs in its camera only share trees and tables of a scene, which is kept alive; return it."""
+    _bases[other] = base_of(scene)
+    return other
 
 
 def with_camera(scene: Scene, camera: dict[str, Any] | Camera) -> Scene:
@@ -52,7 +72,7 @@ def with_camera(scene: Scene, camera: dict[str, Any] | Camera) -> Scene:
     from raytrace.scene.format import read_camera
     from raytrace.scene.text import Text, from_dict
 
-    entry = _entry(camera) if isinstance(camera, Camera) else camera
+    entry = entry_of(camera) if isinstance(camera, Camera) else camera
     try:
         text = Text("", from_dict({"camera": entry}).text, in_file=False)
     except SceneError as error:
@@ -64,7 +84,7 @@ def with_camera(scene: Scene, camera: dict[str, Any] | Camera) -> Scene:
     return _sharing(scene, camera_of(view))
 
 
-def _entry(camera: Camera) -> dict[str, Any]:
+def entry_of(camera: Camera) -> dict[str, Any]:
     """Return a camera in the scene format."""
     entry: dict[str, Any] = {key: getattr(camera, key) for key in ("position", "look_at", "up")}
     if camera.height is not None:
@@ -76,8 +96,13 @@ def _sharing(scene: Scene, camera: Camera) -> Scene:
     other = replace(scene, camera=camera)
     if "corner_uv" in vars(scene):  # read from files
         vars(other)["corner_uv"] = scene.corner_uv
-    _bases[other] = base_of(scene)
-    return other
+    return share_all(other, scene)
+
+
+def keep_framed(other: Scene, scene: Scene) -> None:
+    """Note that the camera of a scene was chosen if that of another one was."""
+    if scene in _framed:
+        _framed.add(other)
 
 
 def framed(scene: Scene) -> Scene:

@@ -68,6 +68,7 @@ class Text:
         self.in_file = in_file
         self.trusted = frozenset(trusted)
         self.meshes = meshes or {}
+        self.changes: tuple[str, ...] = ()  # what ``--set`` has changed, as the user wrote it
 
     def lines(self, problems: Iterable[Problem], origins: positions.Origins) -> list[str]:
         """Return one line per problem, with its position, in the order of the text.
@@ -267,7 +268,9 @@ def from_dict(scene: dict[str, Any]) -> Text:
         if isinstance(value, os.PathLike):
             trusted.add(str(os.fspath(value)))
             return os.fspath(value)
-        raise TypeError(f"a {type(value).__name__} cannot be written as JSON")
+        mesh = hasattr(value, "vertices") and hasattr(value, "faces")
+        cure = '; a mesh in memory is the "mesh" of an object: {"mesh": ..., "material": "white"}' if mesh else ""
+        raise TypeError(f"a {type(value).__name__} cannot be written as JSON{cure}")
 
     try:
         scene, meshes = take_meshes(scene)

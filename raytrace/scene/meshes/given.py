@@ -42,11 +42,18 @@ def take_meshes(scene: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
         With names; the same dict if all its meshes are paths.
     meshes : dict
         Name -> mesh; an object that is used several times has one name.
+
+    Raises
+    ------
+    ValueError
+        A mesh is a dict.
     """
     names, meshes, objects = dict[int, str](), dict[str, Any](), list[Any]()
     entries = scene.get("objects")
     for entry in entries if isinstance(entries, list | tuple) else ():
         mesh = entry.get("mesh") if isinstance(entry, dict) else None
+        if isinstance(mesh, dict) and {"vertices", "faces"} <= mesh.keys():
+            raise ValueError(f"objects[{len(objects)}].mesh: a dict; write (vertices, faces), two arrays")
         if is_mesh(mesh):
             name = names.setdefault(id(mesh), f"{MARK}mesh {len(names)}")
             meshes[name] = mesh
