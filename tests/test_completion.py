@@ -92,7 +92,14 @@ def test_zsh_asks_for_the_options_of_the_command(scripts):
 
     assert asked("raytrace", "") == [*main.COMMANDS, "files"]
     check = asked("raytrace", "check", "--")
-    assert [each.partition("[")[0] for each in check[:-1]] == ["-h", "--help", "--max-memory", "--root", "--json"]
+    assert [each.partition("[")[0] for each in check[:-1]] == [
+        "-h",
+        "--help",
+        "--max-memory",
+        "--root",
+        "--set",
+        "--json",
+    ]
     assert check[-1] == "*:file:_files"
     render = asked("raytrace", "a.json", "--")
     assert "--sampler[sobol, stratified or independent]:NAME:(sobol stratified independent)" in render

@@ -82,6 +82,7 @@ def test_a_crop_is_that_part_of_the_picture(several, sampler, precision):
         assert part.provenance["size"] == "70x45"
 
 
+@pytest.mark.filterwarnings("ignore::raytrace.errors.SceneWarning")  # of walls seen from behind
 @pytest.mark.parametrize("size", [(1, 1), (33, 17), (1, 40), (40, 1), (TILE, TILE), (TILE + 1, TILE - 1)])
 def test_a_film_may_have_any_size(several, size):
     picture = rt.render(several, size=size, spp=3)

@@ -57,6 +57,7 @@ def test_the_scene_itself_is_left_alone(prepared):
     np.testing.assert_array_equal(prepared.scene.materials.ior, before.materials.ior)
 
 
+@pytest.mark.filterwarnings("ignore::raytrace.errors.SceneWarning")  # of walls seen from behind
 def test_no_tree_is_built_and_no_plan_made_again(prepared, monkeypatch):
     def forbidden(*_arguments):
         raise AssertionError("built again")

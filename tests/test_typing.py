@@ -14,6 +14,7 @@ pytest.importorskip("mypy", reason="checks types: pip install mypy")
 
 ROOT = Path(__file__).parents[1]
 PROGRAM = """\
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, assert_type
 
@@ -125,11 +126,12 @@ def queries(mesh: Any) -> None:
     rt.BVH(mesh).closest_hit(o, d)
     assert_type(RayMeshIntersector(mesh).intersects_any(o, d), NDArray[np.bool_])
     rt.render(mesh)
+    assert_type(rt.save(scene, "copy.json"), Path)
 
 try:
     rt.load(Path("scene.json"))
 except rt.SceneError as problem:
-    assert_type(problem.problems, list[str])
+    assert_type(problem.problems, Sequence[str])
 except (rt.FileError, rt.OptionError) as fault:
     root: rt.RaytraceError = fault
 

@@ -145,6 +145,7 @@ def test_the_page_has_every_value_that_a_notebook_has(server):
     assert state == {name: getattr(viewer, name) for name in own}
 
 
+@pytest.mark.filterwarnings("ignore::raytrace.errors.SceneWarning")  # of walls seen from behind
 def test_a_change_renders_an_image_with_the_bits_of_render(server):
     assert change(server, azimuth=30, distance=0.9, power=2, ior={"pane": 0.7}, spp=8, turn=1) == (204, "")
     edited = rt.show.live(FILE, size=(WIDTH, HEIGHT), spp=8)

@@ -1,5 +1,7 @@
 """``Scene.replace``, and a check of what ``dataclasses.replace`` is given instead."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +14,7 @@ if TYPE_CHECKING:
 class Replaceable:
     """A scene that can be copied with other values."""
 
-    def replace(self, changes: Mapping[str, Any] | None = None, /, **sections: Any) -> "Scene":
+    def replace(self, changes: Mapping[str, Any] | None = None, /, **sections: Any) -> Scene:
         """Return this scene with other values.
 
         Parameters
