@@ -30,9 +30,8 @@ class References(NamedTuple):
 class Cut(NamedTuple):
     """A plane that divides references."""
 
-    axis: int  # -1: there is no such plane
+    axis: int
     x: float  # world units
-    cost: float
 
 
 @inlined

@@ -51,6 +51,7 @@ class Plane(NamedTuple):
 
     axis: int  # -1: there is no such plane
     last_bin: int  # the last bin in front of it
+    cost: float  # sum over both sides of half the surface of the box, times the number of triangles
 
 
 def make_binary(order, boxes) -> Binary:
@@ -109,28 +110,31 @@ def fill_bins(tree: Binary, begin: int, end: int, scratch: GrowScratch):
 
 
 @subroutine
-def best_plane(scratch: GrowScratch) -> Plane:
-    """Cheapest of all planes between bins: that with the smallest sum of area times count [Wald2007]."""
+def best_plane(scratch: GrowScratch, parts: int, leaving) -> Plane:
+    """Cheapest of all planes between bins: that with the smallest sum of area times count [Wald2007].
+
+    There are ``parts`` bins along each axis. ``counts`` triangles begin in each of them, and ``leaving`` end there.
+    """
     best_axis, best_bin, best_cost = -1, 0, np.inf
     bins, grown, right = scratch.bins, scratch.grown, scratch.right
     for axis in range(3):
-        first = axis * SAH_BINS
+        first = axis * parts
         clear(grown, 0)
         number = 0
-        for k in range(SAH_BINS - 1, 0, -1):
+        for k in range(parts - 1, 0, -1):
             include(grown, 0, bins, BOX * (first + k))
-            number += scratch.counts[first + k]
+            number += leaving[first + k]
             right[k] = half_area(grown, 0) * number if number > 0 else np.inf
         clear(grown, 0)
         number = 0
-        for k in range(SAH_BINS - 1):
+        for k in range(parts - 1):
             include(grown, 0, bins, BOX * (first + k))
             number += scratch.counts[first + k]
             if number > 0:
                 cost = half_area(grown, 0) * number + right[k + 1]
                 if cost < best_cost:
                     best_axis, best_bin, best_cost = axis, k, cost
-    return Plane(best_axis, best_bin)
+    return Plane(best_axis, best_bin, best_cost)
 
 
 @inlined
@@ -201,10 +205,10 @@ def grow(tree: Binary, split: int, leaf_size: int, subtree: Subtree, scratch: Gr
         if end - begin <= leaf_size:
             tree.left[node] = 0
             continue
-        plane = Plane(-1, 0)
+        plane = Plane(-1, 0, np.inf)
         if split == 0 and depth < MAX_DEPTH:
             fill_bins(tree, begin, end, scratch)
-            plane = best_plane(scratch)
+            plane = best_plane(scratch, SAH_BINS, scratch.counts)
         if plane.axis >= 0:
             middle = partition(tree, begin, end, plane, scratch)
         else:

@@ -97,50 +97,21 @@ def fill_parts(refs: References, begin: int, end: int, node: int, scratch: Spati
 
 
 @subroutine
-def best_cut(scratch: SpatialScratch) -> Cut:
-    """Cheapest of all planes between bins, where references on both sides count twice."""
-    best_axis, best_bin, best_cost = -1, 0, np.inf
-    bins, counts, grown, right = scratch.grow.bins, scratch.grow.counts, scratch.grow.grown, scratch.grow.right
-    for axis in range(3):
-        first = axis * PARTS
-        clear(grown, 0)
-        number = 0
-        for k in range(PARTS - 1, 0, -1):
-            include(grown, 0, bins, BOX * (first + k))
-            number += scratch.leaving[first + k]
-            right[k] = half_area(grown, 0) * number if number > 0 else np.inf
-        clear(grown, 0)
-        number = 0
-        for k in range(PARTS - 1):
-            include(grown, 0, bins, BOX * (first + k))
-            number += counts[first + k]
-            if number > 0:
-                cost = half_area(grown, 0) * number + right[k + 1]
-                if cost < best_cost:
-                    best_axis, best_bin, best_cost = axis, k, cost
-    return Cut(best_axis, peek(scratch.planes, max(best_axis, 0) * PARTS + best_bin), best_cost)
-
-
-@subroutine
-def cost_of(plane: Plane, scratch: SpatialScratch):
-    """Cost of a plane that divides no reference, and half the surface of what the boxes on both sides share."""
+def shared_by(plane: Plane, scratch: SpatialScratch):
+    """Half the surface of what the boxes on both sides of a plane share, where it divides no reference."""
     sides, bins = scratch.sides, scratch.grow.bins
     clear(sides, 0)
     clear(sides, BOX)
-    before, after = 0, 0
     for k in range(SAH_BINS):
         b = plane.axis * SAH_BINS + k
         if k <= plane.last_bin:
             include(sides, 0, bins, BOX * b)
-            before += scratch.grow.counts[b]
         else:
             include(sides, BOX, bins, BOX * b)
-            after += scratch.grow.counts[b]
-    cost = half_area(sides, 0) * before + half_area(sides, BOX) * after
     shared = maximum(load(sides, 0, BOX), load(sides, BOX, BOX))
     store(sides, 0, shared)
     apart = high(sides, 0, 0) < low(sides, 0, 0) or high(sides, 0, 1) < low(sides, 0, 1)
-    return cost, 0.0 if apart or high(sides, 0, 2) < low(sides, 0, 2) else half_area(sides, 0)
+    return 0.0 if apart or high(sides, 0, 2) < low(sides, 0, 2) else half_area(sides, 0)
 
 
 @subroutine
@@ -198,19 +169,18 @@ def split(refs: References, node: int, depth: int, scratch: SpatialScratch):
     if depth >= MAX_DEPTH:
         return split_median(tree, begin, end, middles), end
     fill_bins(tree, begin, end, scratch.grow)
-    plane = best_plane(scratch.grow)
+    plane = best_plane(scratch.grow, SAH_BINS, scratch.grow.counts)
     if plane.axis < 0:
         return split_median(tree, begin, end, middles), end
-    if end < refs.limit[node]:
-        cost, shared = cost_of(plane, scratch)
-        if shared > peek(refs.margins, LEAST):
-            fill_parts(refs, begin, end, node, scratch)
-            cut = best_cut(scratch)
-            if cut.axis >= 0 and cut.cost < cost:
-                middle, free = divide_all(refs, node, cut, scratch)
-                if begin < middle and middle < free:
-                    return middle, free
-                return split_median(tree, begin, end, middles), end
+    if end < refs.limit[node] and shared_by(plane, scratch) > peek(refs.margins, LEAST):
+        fill_parts(refs, begin, end, node, scratch)
+        best = best_plane(scratch.grow, PARTS, scratch.leaving)
+        if best.axis >= 0 and best.cost < plane.cost:
+            cut = Cut(best.axis, peek(scratch.planes, best.axis * PARTS + best.last_bin))
+            middle, free = divide_all(refs, node, cut, scratch)
+            if begin < middle and middle < free:
+                return middle, free
+            return split_median(tree, begin, end, middles), end
     return partition(tree, begin, end, plane, scratch.grow), end
 
 
