@@ -30,8 +30,11 @@ def render_scenes(args: Namespace, load: Load) -> int:
     """
     paths = _outputs(args)
     with signals_interrupt(ECHO) as signals, without_scene_warnings():  # printed here, with their position in the file
-        one = lambda args: _render(args, paths[args.scene], load, signals)  # noqa: E731
-        return each_scene(args, one, lambda: signals.came, title=not args.quiet)
+
+        def render(one: Namespace) -> int:
+            return _render(one, paths[one.scene], load, signals)
+
+        return each_scene(args, render, lambda: signals.came, title=not args.quiet)
 
 
 def _outputs(args: Namespace) -> dict[Path, Path]:
