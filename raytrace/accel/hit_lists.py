@@ -11,7 +11,7 @@ from raytrace import memory
 from raytrace.accel import reorder
 from raytrace.accel.all_hits import all_crossings, all_hits
 from raytrace.accel.exact_crossing import decide
-from raytrace.accel.hit_work import ON_SURFACE, PAIRS, USED, HitWork, make_hit_work
+from raytrace.accel.hit_work import MARKED, ON_SURFACE, PAIRS, USED, HitWork, make_hit_work
 from raytrace.accel.inputs import Field, rays_of
 from raytrace.accel.lanes import PACKET
 from raytrace.accel.line_order import lines_in_order
@@ -156,10 +156,20 @@ class HitTracer:
             decide(bvh.triangles.ravel(), rays, scratch.counts, work)
         if work.state[PAIRS]:
             decide_pairs(bvh, rays, scratch.counts, work)
-        if self.divided:
-            scratch.unite(n)
         reorder.give_back(scratch.counts, n, scratch.numbers, scratch.ordered)
         return int(work.state[USED])
+
+    def sorted_hits(self, scratch: "_Scratch", found: int, counts: NDArray[np.int32]) -> HitColumns:
+        """Return the hits of the last rays, sorted, each once; correct their counts, which are in the order given."""
+        t, u, v = np.empty((3, found), self.dtype)
+        hits, numbers = HitColumns(t, np.empty(found, np.int32), u, v), counts & (MARKED - 1)
+        sort_hits(scratch.hits, found, scratch.numbers, np.cumsum(numbers, dtype=np.int64) - numbers, hits)
+        if not self.divided:
+            return hits
+        from raytrace.accel.unite import unite  # few trees need it
+
+        kept = unite(hits, counts)
+        return HitColumns(*(column[:kept] for column in hits))
 
 
 class _Scratch:
@@ -184,14 +194,6 @@ class _Scratch:
     def holds(self, hits: int) -> bool:
         """Whether there is room for so many hits."""
         return hits <= len(self.hits.hit_t) - PACKET
-
-    def unite(self, n: int) -> None:
-        """Keep one of the hits of each of n rays and each triangle, if all are here."""
-        from raytrace.accel.unite import unite  # few trees need it
-
-        found = int(self.hits.state[USED])
-        if self.holds(found):
-            unite(self.hits, self.counts, n, *(np.empty(k, np.int64) for k in (n, found, found)))
 
 
 def count_all(tracer: HitTracer, n: int, threads: int | None) -> NDArray[np.int32]:
@@ -227,13 +229,9 @@ def list_all(tracer: HitTracer, n: int, threads: int | None) -> AllHits:
         scratch = tracer.take()
         found = tracer.trace(begin, end, scratch, lists.room)
         counts = scratch.ordered[: end - begin]
-        start[begin + 1 : end + 1] = counts
         if lists.add(found):
-            dtype = scratch.hits.hit_t.dtype
-            t, u, v = np.empty((3, found), dtype)
-            part = HitColumns(t, np.empty(found, np.int32), u, v)
-            sort_hits(scratch.hits, found, scratch.numbers, np.cumsum(counts, dtype=np.int64) - counts, part)
-            lists.parts[begin] = part
+            lists.parts[begin] = tracer.sorted_hits(scratch, found, counts)
+        start[begin + 1 : end + 1] = counts
         tracer.give(scratch)
 
     share_out(trace, n, threads)
