@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 import raytrace as rt
-from raytrace.errors import OptionError
+from raytrace.errors import OptionError, SceneWarning
 from raytrace.image.files import srgb8
 from raytrace.show import background_renderer
 from raytrace.show.background_renderer import BackgroundRenderer
@@ -139,3 +139,19 @@ def test_few_samples_are_enough(spp):
     desk.renderer.request()
     desk.wait()
     assert desk.frames[-1][1].samples == spp
+
+
+def test_a_camera_behind_a_wall_is_no_cause_to_warn():
+    """A warning in this thread would be an exception where warnings are errors, as in these tests."""
+    scene = rt.load("scenes/cornell-box.json").replace(camera={"position": [9, 1, 0], "look_at": [0, 1, 0], "fov": 20})
+    scene = scene.replace(film={"size": [32, 24]}, render={"spp": 1})
+    done, errors = threading.Event(), []
+    BackgroundRenderer(lambda: scene, lambda _: done.set(), errors.append).request()
+    assert done.wait(120)
+    limit = time.monotonic() + 600
+    while any(thread.name == "raytrace-viewer" for thread in threading.enumerate()):
+        assert time.monotonic() < limit
+        time.sleep(0.01)
+    assert errors == []
+    with pytest.warns(SceneWarning, match="show its back"):
+        rt.render(rt.load("scenes/cornell-box.json"), camera=scene.camera, size=(32, 24), spp=1)

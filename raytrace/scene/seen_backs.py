@@ -25,7 +25,7 @@ MOST = 1 << 20  # pairs of rays and triangles that are tested at once
 
 Vectors = NDArray[np.float64]
 
-_asked: WeakSet[Scene] = WeakSet()  # scenes whose backs were looked for after a render
+_asked: WeakSet[Scene] = WeakSet()  # scenes whose backs are not looked for after a render, or not again
 
 
 class SeenBack(NamedTuple):
@@ -70,11 +70,16 @@ def back_warnings_of(scene: Scene, image: Any) -> list[str]:
     return back_warnings(scene, (width, height))
 
 
+def expect_backs(scene: Scene) -> None:
+    """Let no render warn of the backs of a scene: its user moves the camera, also behind walls."""
+    _asked.add(base_of(scene))
+
+
 def warn_of_backs(scene: Scene, image: Any, stacklevel: int) -> None:
     """Issue a ``SceneWarning`` where a quarter of an image is black and shows backs; once for all cameras."""
     if base_of(scene) in _asked or np.count_nonzero(image.rgb[..., 1] == 0) < MUCH * image.stderr.size:
         return
-    _asked.add(base_of(scene))
+    expect_backs(scene)
     width, height = map(int, image.provenance["size"].split("x"))
     backs = seen_backs(scene, (width, height))
     if sum(back.of_image for back in backs) >= MUCH:

@@ -15,6 +15,7 @@ from raytrace.records import Scene
 from raytrace.rendering.preview import Preview
 from raytrace.rendering.progress import Progress
 from raytrace.rendering.rendering import render
+from raytrace.scene.seen_backs import expect_backs
 
 GRACE = 0.08  # s of waiting for a new request after the first frame: the browser needs the cores to display it
 PAUSE = 0.2  # s between two frames of the same scene, each with more samples
@@ -67,7 +68,9 @@ class BackgroundRenderer:
     def _work(self) -> None:
         while self._next():
             try:
-                image = render(self._make(), progress=_PreviewSender(self))
+                scene = self._make()
+                expect_backs(scene)
+                image = render(scene, progress=_PreviewSender(self))
                 self._send(EncodedImage(image._repr_png_(), "image/png", image.provenance["spp"]))
             except _OutdatedError:
                 continue
