@@ -65,7 +65,7 @@ def _radiance(scene: Scene, bvh: rt.BVH, d: NDArray[np.float32]) -> NDArray[np.f
     return result
 
 
-def draw(path: Path, side: int = 180) -> bytes:
+def draw(path: Path, side: int = 256) -> bytes:
     """PNG of a scene, both ways side by side."""
     scene = rt.load(path)
     pictures = render(scene, (side, side)), rt.render(scene, size=(side, side)).rgb
