@@ -1,4 +1,7 @@
-"""Compare time against error with Mitsuba 3, interleaved in one run: a report, one plot, ratios, local slopes."""
+"""Compare time against error with Mitsuba 3, interleaved in one run: a report, ratios, local slopes.
+
+``docs/pictures/plots.py`` makes tables and a plot of docs/benchmarks.md from what ``--json`` writes.
+"""
 
 import json
 import os
@@ -113,30 +116,6 @@ def error_text(point: Point) -> str:
     return f"{point.rmse_srgb:.2e}" + (f" ({point.spp:g} spp)" if point.spp != point.step else "")
 
 
-def plot(content: dict[str, Any], path: Path) -> None:
-    """Plot time against error, on a screen and in linear light, from a ``report.json``."""
-    from matplotlib.figure import Figure
-
-    figure = Figure((13, 5.5), layout="constrained")
-    left, right = figure.subplots(1, 2, sharex=True)
-    names = list(dict.fromkeys(point["way"]["name"] for point in content["points"]))
-    for k, name in enumerate(names):
-        points = [point for point in content["points"] if point["way"]["name"] == name]
-        look = {"color": f"C{k}", "marker": "*" if points[0]["way"]["adaptive"] else "o", "markersize": 5,
-                "linestyle": "--" if name.startswith(PEER) else "-"}  # fmt: skip
-        for axes, error in ((left, "rmse_srgb"), (right, "rmse")):
-            axes.plot([point["seconds"] for point in points], [point[error] for point in points], label=name, **look)
-    about = content["scene"]
-    title = f"{about['name']}, {about['size'][0]} x {about['size'][1]}, {content['machine']['threads']} threads"
-    left.set(title=f"{title}: RMSE on a screen (sRGB, clipped)")
-    right.set(title="RMSE in linear light")
-    for axes in (left, right):
-        axes.set(xscale="log", yscale="log", xlabel="seconds per image, warm process")
-        axes.grid(alpha=0.3, which="both")
-    left.legend(fontsize=9)
-    figure.savefig(path, dpi=90)
-
-
 def cold(path: Path, size: tuple[int, int]) -> dict[str, list[float]]:
     """Return seconds of whole processes, one image of 16 spp each: with empty caches, then twice with full ones."""
     bench = Path(__file__).parent
@@ -182,7 +161,6 @@ def main() -> None:
         show(f"{path.stem}\n")
         points = sweep(rt.load(path), size, folder, ways)
         content = json.loads((folder / "report.json").read_text())
-        plot(content, folder / "error.png")
         rows = ratios(points)
         table(["way", *map(str, COUNTS)],
               ([way.name, *(error_text(p) for p in points if p.configuration == way and p.step in COUNTS)]
@@ -195,7 +173,8 @@ def main() -> None:
         starts = cold(path, size) if samplers else {}
         table(["whole process, 16 spp, seconds", "empty caches", "again", "again"],
               ([name, *seconds] for name, seconds in starts.items()))  # fmt: skip
-        results[path.stem] = {"ratios": rows, "orders": content["orders"], "whole processes": starts}
+        results[path.stem] = {"points": content["points"], "ratios": rows, "orders": content["orders"]}
+        results[path.stem]["whole processes"] = starts
     finish(args, found, results)
 
 

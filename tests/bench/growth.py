@@ -1,7 +1,9 @@
-"""Measure the time per camera ray and per build for one shape with a growing number of triangles."""
+"""Measure the time per camera ray and per build for one shape with a growing number of triangles.
+
+``docs/pictures/plots.py`` makes the table and the plot of docs/benchmarks.md from what ``--json`` writes.
+"""
 
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,12 +13,7 @@ from workloads import Mesh, ray_sets
 
 from raytrace.parallel import thread_count
 
-NAMES = {
-    "raytrace": "o-",
-    "Open3D": "s--",
-    "Mitsuba": "v--",
-    "Mitsuba, coherent": "^--",
-}  # ray tracer: style of its curve
+NAMES = "raytrace", "Open3D", "Mitsuba", "Mitsuba, coherent"
 
 
 def bumpy(triangles: int) -> Mesh:
@@ -45,29 +42,11 @@ def measure(triangles: int, rounds: int, peers: list[type]) -> dict[str, Any]:
     return {"triangles": len(mesh.faces), "build_seconds": build, "ns_per_ray": ns}
 
 
-def plot(results: list[dict[str, Any]], path: Path) -> None:
-    from matplotlib.figure import Figure
-
-    figure = Figure((6, 3.6), layout="constrained")
-    axes = figure.add_subplot()
-    count = np.array([row["triangles"] for row in results])
-    for name, style in NAMES.items():
-        if name in results[0]["ns_per_ray"]:
-            axes.plot(count, [row["ns_per_ray"][name] for row in results], style, label=name)
-    first = results[0]["ns_per_ray"]["raytrace"]
-    axes.plot(count, first * np.log(count) / np.log(count[0]), "k:", label="log n, through our first")
-    axes.set(xscale="log", yscale="log", xlabel="triangles", ylabel="ns per camera ray, all cores")
-    axes.legend()
-    figure.savefig(path)
-    show(f"wrote {path}")
-
-
 def main() -> None:
     options = parser(__doc__)
     options.add_argument(
         "--most", type=float, default=1e7, metavar="N", help="triangles of the finest mesh (%(default)g)"
     )
-    options.add_argument("--plot", type=Path, metavar="FILE", help="plot the curves (needs matplotlib)")
     args = options.parse_args()
     found = begin()
     peers, missing = available()
@@ -83,8 +62,6 @@ def main() -> None:
           ([f"{row['triangles']:,}", row["build_seconds"], *row["ns_per_ray"].values(),
             row["ns_per_ray"]["raytrace"] / first["ns_per_ray"]["raytrace"],
             float(np.log(row["triangles"]) / np.log(first["triangles"]))] for row in results))  # fmt: skip
-    if args.plot:
-        plot(results, args.plot)
     finish(args, found, results)
 
 
