@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.accel.boxes import BOX, centre, clear, half_area, high, include, low
+from raytrace.accel.boxes import BOX, area_of, centre, clear, high, include, low
 from raytrace.accel.lanes import load, minimum, splat, store, to_int
 from raytrace.jit import inlined, kernel, subroutine
 
@@ -32,7 +32,6 @@ class GrowScratch(NamedTuple):
     scale: np.ndarray  # (4,) f: bins per world unit along each axis
     bins: np.ndarray  # (3 * SAH_BINS * 8,) f, world units: box of each bin's triangles
     counts: np.ndarray  # (3 * SAH_BINS,) i8: triangles in each bin
-    grown: np.ndarray  # (8,) f, world units: box of the bins swept so far
     right: np.ndarray  # (SAH_BINS,) f8: SAH cost of the bins from this one on
     stack: np.ndarray  # (s, 2) i8: node, depth
 
@@ -62,9 +61,9 @@ def make_binary(order, boxes) -> Binary:
 
 def make_grow_scratch(dtype):
     """GrowScratch memory for boxes of that type."""
-    middles, scale, bins, grown = (np.zeros(n, dtype) for n in (BOX, HALF, 3 * SAH_BINS * BOX, BOX))
+    middles, scale, bins = (np.zeros(n, dtype) for n in (BOX, HALF, 3 * SAH_BINS * BOX))
     counts, stack = np.empty(3 * SAH_BINS, np.int64), np.empty((MAX_DEPTH + 64, 2), np.int64)
-    return GrowScratch(middles, scale, bins, counts, grown, np.empty(SAH_BINS), stack)
+    return GrowScratch(middles, scale, bins, counts, np.empty(SAH_BINS), stack)
 
 
 @subroutine
@@ -116,22 +115,22 @@ def best_plane(scratch: GrowScratch, parts: int, leaving) -> Plane:
     There are ``parts`` bins along each axis. ``counts`` triangles begin in each of them, and ``leaving`` end there.
     """
     best_axis, best_bin, best_cost = -1, 0, np.inf
-    bins, grown, right = scratch.bins, scratch.grown, scratch.right
+    bins, right = scratch.bins, scratch.right
     for axis in range(3):
         first = axis * parts
-        clear(grown, 0)
+        grown = splat(np.inf, load(bins, 0, BOX))
         number = 0
         for k in range(parts - 1, 0, -1):
-            include(grown, 0, bins, BOX * (first + k))
+            grown = minimum(grown, load(bins, BOX * (first + k), BOX))
             number += leaving[first + k]
-            right[k] = half_area(grown, 0) * number if number > 0 else np.inf
-        clear(grown, 0)
+            right[k] = area_of(grown) * number if number > 0 else np.inf
+        grown = splat(np.inf, load(bins, 0, BOX))
         number = 0
         for k in range(parts - 1):
-            include(grown, 0, bins, BOX * (first + k))
+            grown = minimum(grown, load(bins, BOX * (first + k), BOX))
             number += scratch.counts[first + k]
             if number > 0:
-                cost = half_area(grown, 0) * number + right[k + 1]
+                cost = area_of(grown) * number + right[k + 1]
                 if cost < best_cost:
                     best_axis, best_bin, best_cost = axis, k, cost
     return Plane(best_axis, best_bin, best_cost)
