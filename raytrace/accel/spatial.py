@@ -19,6 +19,7 @@ from raytrace.accel.grow import (
     fill_bins,
     make_grow_scratch,
     partition,
+    sample_step,
     split_median,
     swap,
 )
@@ -84,7 +85,7 @@ def fill_parts(refs: References, begin: int, end: int, node: int, scratch: Spati
             scratch.planes[axis * PARTS + k] = start + (k + 1) * width
     scratch.sides[3] = 0.0
     least, scale = load(tree.bounds, BOX * node, HALF), load(scratch.sides, 0, HALF)
-    for k in range(begin, end):
+    for k in range(begin, end, sample_step(end - begin)):
         first = to_int(minimum((load(tree.boxes, BOX * k, HALF) - least) * scale, PARTS - 1.0))
         last = to_int(minimum((-load(tree.boxes, BOX * k + HALF, HALF) - least) * scale, PARTS - 1.0))
         for axis in range(3):
