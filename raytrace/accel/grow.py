@@ -4,12 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.accel.boxes import BOX, centre, clear, half_area, high, include, low
+from raytrace.accel.boxes import BOX, area_of, centre, empty_bin, high, low, merged, tally
 from raytrace.accel.lanes import load, minimum, splat, store, to_int
 from raytrace.jit import inlined, kernel, subroutine
 
 SPLITS = {"sah": 0, "median": 1}
 SAH_BINS = 16  # of the binned SAH [Wald2007]
+SAMPLES = 4096  # of n triangles, about sqrt(SAMPLES n) fill the bins if that is less: more give no better trees
 HALF = BOX // 2
 MAX_DEPTH = 64  # deeper nodes are split at medians, which halves their counts: so no input makes a deep tree
 
@@ -30,9 +31,7 @@ class GrowScratch(NamedTuple):
 
     middles: np.ndarray  # (8,) f, world units: box of doubled centres
     scale: np.ndarray  # (4,) f: bins per world unit along each axis
-    bins: np.ndarray  # (3 * SAH_BINS * 8,) f, world units: box of each bin's triangles
-    counts: np.ndarray  # (3 * SAH_BINS,) i8: triangles in each bin
-    grown: np.ndarray  # (8,) f, world units: box of the bins swept so far
+    bins: np.ndarray  # (3 * SAH_BINS * 8,) f, world units: each bin's triangles, see ``boxes``
     right: np.ndarray  # (SAH_BINS,) f8: SAH cost of the bins from this one on
     stack: np.ndarray  # (s, 2) i8: node, depth
 
@@ -62,9 +61,8 @@ def make_binary(order, boxes) -> Binary:
 
 def make_grow_scratch(dtype):
     """GrowScratch memory for boxes of that type."""
-    middles, scale, bins, grown = (np.zeros(n, dtype) for n in (BOX, HALF, 3 * SAH_BINS * BOX, BOX))
-    counts, stack = np.empty(3 * SAH_BINS, np.int64), np.empty((MAX_DEPTH + 64, 2), np.int64)
-    return GrowScratch(middles, scale, bins, counts, grown, np.empty(SAH_BINS), stack)
+    middles, scale, bins = (np.zeros(n, dtype) for n in (BOX, HALF, 3 * SAH_BINS * BOX))
+    return GrowScratch(middles, scale, bins, np.empty(SAH_BINS), np.empty((MAX_DEPTH + 64, 2), np.int64))
 
 
 @subroutine
@@ -90,48 +88,51 @@ def sah_bin(tree: Binary, k: int, axis: int, scratch: GrowScratch) -> int:
     return number if number < SAH_BINS else SAH_BINS - 1
 
 
+@inlined
+def sample_step(count: int) -> int:
+    """Step between the triangles of a sample: odd, because triangles often come in pairs."""
+    return int(np.sqrt(count / SAMPLES)) | 1
+
+
 @subroutine
 def fill_bins(tree: Binary, begin: int, end: int, scratch: GrowScratch):
-    """Count triangles in the bins of all three axes, and grow the boxes of the bins; an axis without extent has one."""
+    """Count triangles in the bins of all three axes, and grow the boxes of the bins; an axis without extent has one.
+
+    Of many triangles, a sample is taken, in equal steps: it decides the plane, but not the boxes of the tree.
+    """
     for axis in range(3):
         extent = high(scratch.middles, 0, axis) - low(scratch.middles, 0, axis)
         scratch.scale[axis] = SAH_BINS / extent if extent > 0.0 and SAH_BINS / extent < np.inf else 0.0
     for k in range(3 * SAH_BINS):
-        clear(scratch.bins, BOX * k)
-        scratch.counts[k] = 0
+        store(scratch.bins, BOX * k, empty_bin(load(scratch.bins, 0, BOX)))
     least, scale = load(scratch.middles, 0, HALF), load(scratch.scale, 0, HALF)
-    for k in range(begin, end):
+    for k in range(begin, end, sample_step(end - begin)):
         middle = load(tree.boxes, BOX * k, HALF) - load(tree.boxes, BOX * k + HALF, HALF)
         numbers = to_int(minimum((middle - least) * scale, SAH_BINS - 1.0))
         for axis in range(3):
-            b = axis * SAH_BINS + numbers[axis]
-            include(scratch.bins, BOX * b, tree.boxes, BOX * k)
-            scratch.counts[b] += 1
+            tally(scratch.bins, BOX * (axis * SAH_BINS + numbers[axis]), load(tree.boxes, BOX * k, BOX), 1.0)
 
 
 @subroutine
-def best_plane(scratch: GrowScratch, parts: int, leaving) -> Plane:
+def best_plane(scratch: GrowScratch, parts: int) -> Plane:
     """Cheapest of all planes between bins: that with the smallest sum of area times count [Wald2007].
 
-    There are ``parts`` bins along each axis. ``counts`` triangles begin in each of them, and ``leaving`` end there.
+    There are ``parts`` bins along each axis.
     """
     best_axis, best_bin, best_cost = -1, 0, np.inf
-    bins, grown, right = scratch.bins, scratch.grown, scratch.right
+    bins, right = scratch.bins, scratch.right
+    empty = empty_bin(load(bins, 0, BOX))
     for axis in range(3):
         first = axis * parts
-        clear(grown, 0)
-        number = 0
+        grown = empty
         for k in range(parts - 1, 0, -1):
-            include(grown, 0, bins, BOX * (first + k))
-            number += leaving[first + k]
-            right[k] = half_area(grown, 0) * number if number > 0 else np.inf
-        clear(grown, 0)
-        number = 0
+            grown = merged(grown, load(bins, BOX * (first + k), BOX))
+            right[k] = area_of(grown) * np.float64(grown[7]) if grown[7] > 0.0 else np.inf
+        grown = empty
         for k in range(parts - 1):
-            include(grown, 0, bins, BOX * (first + k))
-            number += scratch.counts[first + k]
-            if number > 0:
-                cost = half_area(grown, 0) * number + right[k + 1]
+            grown = merged(grown, load(bins, BOX * (first + k), BOX))
+            if grown[3] > 0.0:
+                cost = area_of(grown) * np.float64(grown[3]) + right[k + 1]
                 if cost < best_cost:
                     best_axis, best_bin, best_cost = axis, k, cost
     return Plane(best_axis, best_bin, best_cost)
@@ -208,7 +209,7 @@ def grow(tree: Binary, split: int, leaf_size: int, subtree: Subtree, scratch: Gr
         plane = Plane(-1, 0, np.inf)
         if split == 0 and depth < MAX_DEPTH:
             fill_bins(tree, begin, end, scratch)
-            plane = best_plane(scratch, SAH_BINS, scratch.counts)
+            plane = best_plane(scratch, SAH_BINS)
         if plane.axis >= 0:
             middle = partition(tree, begin, end, plane, scratch)
         else:

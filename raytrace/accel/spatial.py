@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.accel.boxes import BOX, clear, half_area, high, include, low
+from raytrace.accel.boxes import BOX, empty_bin, half_area, high, low, merged, tally
 from raytrace.accel.clip import BACK, BOTH, LEAST, Cut, References, corners_along, hull, section, side_of, with_corner
 from raytrace.accel.grow import (
     HALF,
@@ -19,10 +19,11 @@ from raytrace.accel.grow import (
     fill_bins,
     make_grow_scratch,
     partition,
+    sample_step,
     split_median,
     swap,
 )
-from raytrace.accel.lanes import NODE, bits, load, maximum, minimum, peek, store, to_int
+from raytrace.accel.lanes import NODE, bits, load, maximum, minimum, peek, splat, store, to_int
 from raytrace.jit import inlined, kernel, subroutine
 
 PARTS = 8  # bins of a spatial split along each axis
@@ -32,16 +33,13 @@ class SpatialScratch(NamedTuple):
     """Scratch memory of ``grow_spatial``, for one thread."""
 
     grow: GrowScratch
-    leaving: np.ndarray  # (3 * PARTS,) i8: references that end in each bin; ``grow.counts``: that begin there
     planes: np.ndarray  # (3 * PARTS,) f, world units: where each bin ends
     sides: np.ndarray  # (2 * BOX,) f, world units: boxes on both sides of a plane
 
 
 def make_spatial_scratch(dtype) -> SpatialScratch:
     """Allocate scratch memory for boxes of that type."""
-    return SpatialScratch(
-        make_grow_scratch(dtype), np.empty(3 * PARTS, np.int64), np.empty(3 * PARTS, dtype), np.empty(2 * BOX, dtype)
-    )
+    return SpatialScratch(make_grow_scratch(dtype), np.empty(3 * PARTS, dtype), np.empty(2 * BOX, dtype))
 
 
 @subroutine
@@ -63,19 +61,19 @@ def bin_parts(refs: References, k: int, axis: int, first: int, last: int, scratc
         at = BOX * (axis * PARTS + b)
         least = maximum(part[0], load(box, BOX * k, HALF))
         most = maximum(part[1], load(box, BOX * k + HALF, HALF))
-        if bits(least + most > 0.0) & 7 == 0:  # else this part of the triangle lies beside the box
-            store(bins, at, minimum(load(bins, at, HALF), least))
-            store(bins, at + HALF, minimum(load(bins, at + HALF, HALF), most))
+        if bits(least + most > 0.0) & 7 != 0:  # this part of the triangle lies beside the box
+            least = most = splat(np.inf, least)
+        tally(bins, at, least, 1.0 if b == first else 0.0)
+        tally(bins, at + HALF, most, 1.0 if b == last else 0.0)
         before = after
 
 
 @subroutine
 def fill_parts(refs: References, begin: int, end: int, node: int, scratch: SpatialScratch):
     """Count references that begin and end in the bins of all three axes, and grow the boxes of the bins."""
-    tree, bins, counts = refs.tree, scratch.grow.bins, scratch.grow.counts
+    tree, bins = refs.tree, scratch.grow.bins
     for k in range(3 * PARTS):
-        clear(bins, BOX * k)
-        counts[k] = scratch.leaving[k] = 0
+        store(bins, BOX * k, empty_bin(load(bins, 0, BOX)))
     for axis in range(3):
         extent = high(tree.bounds, BOX * node, axis) - low(tree.bounds, BOX * node, axis)
         scratch.sides[axis] = PARTS / extent if extent > 0.0 and PARTS / extent < np.inf else 0.0
@@ -84,14 +82,14 @@ def fill_parts(refs: References, begin: int, end: int, node: int, scratch: Spati
             scratch.planes[axis * PARTS + k] = start + (k + 1) * width
     scratch.sides[3] = 0.0
     least, scale = load(tree.bounds, BOX * node, HALF), load(scratch.sides, 0, HALF)
-    for k in range(begin, end):
+    for k in range(begin, end, sample_step(end - begin)):
         first = to_int(minimum((load(tree.boxes, BOX * k, HALF) - least) * scale, PARTS - 1.0))
         last = to_int(minimum((-load(tree.boxes, BOX * k + HALF, HALF) - least) * scale, PARTS - 1.0))
         for axis in range(3):
-            counts[axis * PARTS + first[axis]] += 1
-            scratch.leaving[axis * PARTS + last[axis]] += 1
             if first[axis] == last[axis]:
-                include(bins, BOX * (axis * PARTS + first[axis]), tree.boxes, BOX * k)
+                at = BOX * (axis * PARTS + first[axis])
+                tally(bins, at, load(tree.boxes, BOX * k, HALF), 1.0)  # by halves, as ``bin_parts`` does: to load a
+                tally(bins, at + HALF, load(tree.boxes, BOX * k + HALF, HALF), 1.0)  # whole would wait for both
             else:
                 bin_parts(refs, k, axis, first[axis], last[axis], scratch)
 
@@ -100,16 +98,15 @@ def fill_parts(refs: References, begin: int, end: int, node: int, scratch: Spati
 def shared_by(plane: Plane, scratch: SpatialScratch):
     """Half the surface of what the boxes on both sides of a plane share, where it divides no reference."""
     sides, bins = scratch.sides, scratch.grow.bins
-    clear(sides, 0)
-    clear(sides, BOX)
+    front = empty_bin(load(bins, 0, BOX))
+    back = front
     for k in range(SAH_BINS):
-        b = plane.axis * SAH_BINS + k
+        part = load(bins, BOX * (plane.axis * SAH_BINS + k), BOX)
         if k <= plane.last_bin:
-            include(sides, 0, bins, BOX * b)
+            front = merged(front, part)
         else:
-            include(sides, BOX, bins, BOX * b)
-    shared = maximum(load(sides, 0, BOX), load(sides, BOX, BOX))
-    store(sides, 0, shared)
+            back = merged(back, part)
+    store(sides, 0, maximum(front, back))
     apart = high(sides, 0, 0) < low(sides, 0, 0) or high(sides, 0, 1) < low(sides, 0, 1)
     return 0.0 if apart or high(sides, 0, 2) < low(sides, 0, 2) else half_area(sides, 0)
 
@@ -169,12 +166,12 @@ def split(refs: References, node: int, depth: int, scratch: SpatialScratch):
     if depth >= MAX_DEPTH:
         return split_median(tree, begin, end, middles), end
     fill_bins(tree, begin, end, scratch.grow)
-    plane = best_plane(scratch.grow, SAH_BINS, scratch.grow.counts)
+    plane = best_plane(scratch.grow, SAH_BINS)
     if plane.axis < 0:
         return split_median(tree, begin, end, middles), end
     if end < refs.limit[node] and shared_by(plane, scratch) > peek(refs.margins, LEAST):
         fill_parts(refs, begin, end, node, scratch)
-        best = best_plane(scratch.grow, PARTS, scratch.leaving)
+        best = best_plane(scratch.grow, PARTS)
         if best.axis >= 0 and best.cost < plane.cost:
             cut = Cut(best.axis, peek(scratch.planes, best.axis * PARTS + best.last_bin))
             middle, free = divide_all(refs, node, cut, scratch)
