@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytrace.accel import reorder
+from raytrace.accel import reorder, runs
 from raytrace.accel.batches import Pixels, image_width, whole_blocks
 from raytrace.accel.bundle import BUNDLE
 from raytrace.accel.hit_lists import HitTracer, count_all, list_all
@@ -16,7 +16,7 @@ from raytrace.accel.inside import Closure, check_closed, inside
 from raytrace.accel.lanes import NODE, PACKET
 from raytrace.accel.layout import aligned
 from raytrace.accel.pool_scratch import make_pool
-from raytrace.accel.raster import width_of_list
+from raytrace.accel.raster import field_in_rows, width_of_list
 from raytrace.accel.scratch import ROWS
 from raytrace.parallel import MAX_RANGE, share_out
 from raytrace.records import AllHits, Hits, Tree
@@ -78,7 +78,7 @@ class RayQueries:
         """
         dtype = self.triangles.dtype
         rays, shape = check_rays(origins, directions, tmin, tmax, dtype)
-        n, width = math.prod(shape), self._width(rays, shape)
+        n, (width, field) = math.prod(shape), self._order(rays, shape)
         size = dtype.itemsize
         memory = np.empty(n * (3 * size + 4), np.uint8)  # one block, which the allocator can reuse without new pages
         t, u, v = memory[: 3 * n * size].view(dtype).reshape(3, n)
@@ -89,8 +89,12 @@ class RayQueries:
         def trace(begin: int, end: int) -> None:
             part = Hits(*(column[begin:end] for column in hits))
             scratch = unused.pop() if unused else self._scratch(n)
-            batch = Pixels(width, (end - begin) // width) if width else end - begin
-            reorder.closest_hit(tree, grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
+            taken = rays_of(rays, begin, end, dtype)
+            if field is None:
+                batch = Pixels(width, (end - begin) // width) if width else end - begin
+                reorder.closest_hit(tree, grid, taken, part, batch, scratch)
+            else:
+                runs.closest_hit(tree, grid, taken, part, runs.Runs(end - begin, field), scratch)
             unused.append(scratch)
 
         share_out(trace, n, threads, whole_blocks(width))
@@ -120,7 +124,7 @@ class RayQueries:
         """
         dtype = self.triangles.dtype
         rays, shape = check_rays(origins, directions, tmin, tmax, dtype)
-        n, width = math.prod(shape), self._width(rays, shape)
+        n, (width, field) = math.prod(shape), self._order(rays, shape)
         occluded = np.empty(n, np.bool_)
         unused: list[reorder.SortScratch] = []
         tree, grid = self.tree, self.grid  # of the whole query, even if another thread refits
@@ -128,8 +132,12 @@ class RayQueries:
         def trace(begin: int, end: int) -> None:
             part = occluded[begin:end]
             scratch = unused.pop() if unused else self._scratch(n)
-            batch = Pixels(width, (end - begin) // width) if width else end - begin
-            reorder.any_hit(tree, grid, rays_of(rays, begin, end, dtype), part, batch, scratch)
+            taken = rays_of(rays, begin, end, dtype)
+            if field is None:
+                batch = Pixels(width, (end - begin) // width) if width else end - begin
+                reorder.any_hit(tree, grid, taken, part, batch, scratch)
+            else:
+                runs.any_hit(tree, grid, taken, part, runs.Runs(end - begin, field), scratch)
             unused.append(scratch)
 
         share_out(trace, n, threads, whole_blocks(width))
@@ -250,11 +258,12 @@ class RayQueries:
         check_closed(self, "contains")
         return inside(self, points, threads)
 
-    def _width(self, rays: list[Field], shape: tuple[int, ...]) -> int:
-        """Return the width of the image whose rays these are, to be traced in blocks, or 0."""
+    def _order(self, rays: list[Field], shape: tuple[int, ...]) -> tuple[int, int | None]:
+        """Return the width of the image whose rays are to be traced in blocks, or 0; and the field to sort runs by."""
         if len(shape) > 1:
-            return image_width(shape, MAX_RANGE)
-        return width_of_list(self.tree, rays, shape[0], MAX_RANGE)
+            return image_width(shape, MAX_RANGE), None
+        width = width_of_list(self.tree, rays, shape[0], MAX_RANGE)
+        return width, None if width else field_in_rows(self.tree, rays, shape[0])
 
     def _scratch(self, n: int) -> reorder.SortScratch:
         """Return scratch memory for one thread, which traces up to n rays in ranges."""

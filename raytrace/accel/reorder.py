@@ -37,6 +37,7 @@ from raytrace.work_records import PoolWork, Work
 DIGIT = 12  # bits that one pass of the radix sort orders by
 DIRECTION_BITS = 5  # of a key: octant (3) and dominant axis (2)
 MAX_BITS = 8  # of a cell, per axis
+SORTED = 4  # batches are sorted where more than 1 / SORTED of neighbours differ
 SAMPLE = 256  # rays that decide whether a batch is in order already
 
 # Scratch memory between queries. Allocated anew each time, it would be new pages; and after so much is freed, the
@@ -76,7 +77,7 @@ def make_grid(tree: Tree) -> Grid:
 
 def make_sort_scratch(n: int, dtype: np.dtype, work: PoolWork) -> SortScratch:
     """Allocate scratch memory for n rays."""
-    n = -(-n // PACKET) * PACKET
+    n = (-(-n // PACKET) + 5) * PACKET
     hits = Hits(np.empty(n, dtype), np.empty(n, np.int32), np.empty(n, dtype), np.empty(n, dtype))
     pairs = np.empty((2, n), np.int32), np.empty((2, n), np.int32)
     return SortScratch(
@@ -200,6 +201,17 @@ def give_back(values, n, numbers, out):
         poke(out, peek(numbers, i), peek(values, i))
 
 
+def plain(work: PoolWork) -> Work:
+    """Return scratch memory without its pool."""
+    return Work(*work[: len(Work._fields)])
+
+
+def in_order(tree: Tree, grid: Grid, rays: Rays, n: int, scratch: SortScratch) -> bool:
+    """Return whether rays are neither sorted first nor traced in a pool, because most are like their neighbours."""
+    sort, work = _order(tree, grid, rays, n, scratch)
+    return not sort and isinstance(work, Work)
+
+
 def worth_sorting(tree: Tree, grid: Grid, rays: Rays, n: int, scratch: SortScratch) -> bool:
     """Return whether rays are faster if they are sorted first: where most neighbours differ, but not for a pool."""
     return _order(tree, grid, rays, n, scratch)[0]
@@ -207,13 +219,12 @@ def worth_sorting(tree: Tree, grid: Grid, rays: Rays, n: int, scratch: SortScrat
 
 def _order(tree: Tree, grid: Grid, rays: Rays, n: int, scratch: SortScratch) -> tuple[bool, Work | PoolWork]:
     """Return whether rays are faster if sorted first, and scratch memory: with a pool if they are scattered."""
-    plain = Work(*scratch.work[: len(Work._fields)])
     if n < SAMPLE:
-        return False, plain
+        return False, plain(scratch.work)
     keys, directions = changes(rays, n, grid, scratch)
     if 2 * directions > SAMPLE and suits_pool(tree):
         return False, scratch.work
-    return 2 * keys > SAMPLE, plain
+    return SORTED * keys > SAMPLE, plain(scratch.work)
 
 
 def closest_hit(tree: Tree, grid: Grid, rays: Rays, hits: Hits, batch: int | Pixels, scratch: SortScratch) -> None:
