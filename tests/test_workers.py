@@ -3,6 +3,7 @@
 import errno
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -147,6 +148,8 @@ def test_ctrl_c_ends_them_at_once(folder, monkeypatch):
     monkeypatch.setattr(workers, "_start", lambda: started.append(start()) or started[-1])
 
     def interrupt(*_):
+        while not started:
+            time.sleep(0.001)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(parallel, "_follow", interrupt)
