@@ -49,7 +49,7 @@ def test_large_triangles_are_divided_and_the_tree_is_sound(pair):
     assert bvh.divided
     assert not other.divided
     assert stats.triangles == before.triangles == len(MESH[1])
-    assert before.references == 1 < stats.references <= 1 + dividing.ROOM
+    assert before.references == 1 < stats.references <= 1 + building.SPARE
     assert stats.references == np.count_nonzero(triangles_of(bvh.tree.leaves) >= 0) / len(MESH[1])
     assert stats.sah_cost < 0.75 * before.sah_cost
     assert 0.5 < stats.fill <= 1

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from raytrace import parallel
 from raytrace.accel.boxes import BOX, clear
 from raytrace.accel.expansions import TERMS, VECTOR, add_minor, product_error, value_of, write_difference
-from raytrace.accel.flatten import flatten
+from raytrace.accel.flatten import fill_leaves, flatten
 from raytrace.accel.grow import MAX_DEPTH, SPLITS, Subtree, grow, make_binary, make_grow_scratch
 from raytrace.accel.lanes import NODE
 from raytrace.accel.layout import boxes_of, children_of, make_leaves, make_nodes
@@ -20,7 +20,9 @@ SMALL_MESH = 64  # triangles: up to so many, the interpreter builds the tree, wh
 SUBTREES, MIN_SUBTREE = 32, 4096  # threads build subtrees of at most 1 / SUBTREES of the triangles, or MIN_SUBTREE
 EDGE_1, EDGE_2, MINOR, ROOM = 9, 9 + VECTOR, 9 + 2 * VECTOR, 9 + 2 * VECTOR + TERMS  # places in scratch memory
 DIVIDED = 1024  # triangles of the smallest mesh of which large ones are divided among leaves
+SPARE = 0.3  # most references of a divided tree beyond one per triangle, in triangles
 STRETCH = 32768  # triangles that a thread measures at a time
+LEAVES_AT_ONCE = 4096  # leaves that a thread fills at a time
 LEAVES = {"watertight": WatertightLeaves, "moller-trumbore": MollerTrumboreLeaves}
 
 
@@ -40,6 +42,7 @@ class Steps(NamedTuple):
     measure: Callable[..., int]
     grow: Callable[..., int]
     flatten: Callable[..., tuple[int, int, int]]
+    fill_leaves: Callable[..., None]
 
 
 @inlined
@@ -94,6 +97,9 @@ def measure(vertices, faces, triangles, boxes, order, corner):
     return number
 
 
+STEPS = measure, grow, flatten, fill_leaves
+
+
 def build(vertices, faces, split, triangle, divide=True):
     """Build the tree of a mesh.
 
@@ -116,20 +122,43 @@ def build(vertices, faces, split, triangle, divide=True):
         Whether triangles lie in several leaves.
     """
     m, dtype = len(faces), vertices.dtype
-    steps = Steps(*(interpreted(kernel) if m <= SMALL_MESH else kernel for kernel in (measure, grow, flatten)))
-    triangles, boxes, order = np.empty((m, 12), dtype), np.empty(BOX * (m + 1), dtype), np.empty(m, np.int32)
+    steps = Steps(*(interpreted(kernel) if m <= SMALL_MESH else kernel for kernel in STEPS))
+    divide = divide and split == "sah" and triangle == "watertight" and m >= DIVIDED
+    places = m + int(SPARE * m) * divide  # those that stay free are never touched
+    triangles, boxes, order = np.empty((m, 12), dtype), np.empty(BOX * (places + 1), dtype), np.empty(places, np.int32)
+    mesh = MeasuredMesh(vertices, faces, triangles, boxes, order)
     with np.errstate(all="ignore"):
-        n = _measure_all(MeasuredMesh(vertices, faces, triangles, boxes, order), steps.measure)
-        divide = divide and split == "sah" and triangle == "watertight" and n >= DIVIDED
-        divided = _divided(order[:n], boxes, triangles) if divide else None
+        n = _measure_all(mesh, steps.measure)
+        divided = _divided(mesh, n) if divide else None
         binary, count = divided or _grow_all(make_binary(order[:n].copy(), boxes), SPLITS[split], steps.grow)
-        nodes, leaves = make_nodes(max(count // 2, 1), dtype), make_leaves(LEAVES[triangle], (count + 1) // 2, dtype)
-        stack = np.empty((NODE * (MAX_DEPTH + 64), 3), np.int64)
-        node_count, _, levels = steps.flatten(binary, nodes, leaves, triangles, stack, np.empty(NODE, np.int64))
-    fitting = make_nodes(node_count, dtype)
-    fitting.bounds[:] = nodes.bounds[: len(fitting.bounds)]
-    nodes = fitting
+        nodes, sources, levels = _flatten_nodes(binary, count, steps.flatten)
+        leaves = make_leaves(LEAVES[triangle], len(sources), dtype)
+
+        def fill(begin):
+            end = min(begin + LEAVES_AT_ONCE, len(sources))
+            steps.fill_leaves(binary, sources, begin, end, leaves, triangles)
+
+        _share(fill, len(sources), LEAVES_AT_ONCE)
     return Tree(nodes, leaves, extent_of(nodes)), triangles, levels, divided is not None
+
+
+def _share(task, n, stretch):
+    """Call a task with 0, stretch, 2 stretch, ... below n, on all threads if there are several."""
+    if n > stretch:
+        parallel.together(task, range(0, n, stretch), None)
+    else:
+        task(0)
+
+
+def _flatten_nodes(binary, count, flatten):
+    """Collapse a binary tree of so many nodes; return the nodes, the numbers of the binary leaves, and the levels."""
+    dtype = binary.boxes.dtype
+    nodes, sources = make_nodes(max(count // 2, 1), dtype), np.empty((count + 1) // 2, np.int32)
+    stack = np.empty((NODE * (MAX_DEPTH + 64), 3), np.int64)
+    number, _, levels = flatten(binary, nodes, sources, stack, np.empty(NODE, np.int64))
+    fitting = make_nodes(number, dtype)
+    fitting.bounds[:] = nodes.bounds[: len(fitting.bounds)]
+    return fitting, sources, levels
 
 
 def _measure_all(mesh, measure):
@@ -142,10 +171,7 @@ def _measure_all(mesh, measure):
         counts[begin] = measure(mesh.vertices, mesh.faces[part], mesh.triangles[part], boxes, order, np.empty(ROOM))
         order += begin
 
-    if m > STRETCH:
-        parallel.together(stretch, range(0, m, STRETCH), None)
-    else:
-        stretch(0)
+    _share(stretch, m, STRETCH)
     n = 0
     for begin in range(0, m, STRETCH):
         end = begin + counts[begin]
@@ -165,12 +191,13 @@ def extent_of(nodes):
     return np.array([*low, *high, side], boxes.dtype)
 
 
-def _divided(order, boxes, triangles):
+def _divided(mesh, n):
     """Grow a tree with large triangles in several leaves; return it and its number of nodes, or None if none pay."""
+    if n < DIVIDED:
+        return None
     from raytrace.accel.dividing import divided_tree  # small meshes do not need it
 
-    n = len(order)
-    return divided_tree(boxes[: BOX * n].reshape(n, BOX), order, triangles, max(n // SUBTREES, MIN_SUBTREE))
+    return divided_tree(mesh, n, n + int(SPARE * n), max(n // SUBTREES, MIN_SUBTREE))
 
 
 def _grow_all(binary, split, grow):
@@ -186,6 +213,7 @@ def _grow_all(binary, split, grow):
     free = used + 2 * np.cumsum(binary.count[pending]) - 2 * binary.count[pending]
     roots = zip(pending, free, strict=True)
     subtrees = [Subtree(int(node), int(~binary.left[node]), int(first), 0) for node, first in roots]
+    subtrees.sort(key=lambda subtree: -binary.count[subtree.node])  # so threads end together
     counts = [used]
 
     def finish(subtree):

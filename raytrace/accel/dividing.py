@@ -11,12 +11,12 @@ from raytrace.accel.grow import Binary, Subtree, make_binary
 from raytrace.accel.lanes import NODE
 
 if TYPE_CHECKING:
+    from raytrace.accel.build import MeasuredMesh
     from raytrace.accel.clip import References
 
 SAMPLE = 4096  # triangles from which the median is estimated
 ROWS = 8192  # boxes that are measured at a time, in the cache
 WORTH = 16.0  # tests of triangles that a random line must be spared: two leaves
-ROOM = 0.3  # most references beyond one per triangle, in triangles
 LEAST = 1e-4  # of the area of the mesh's box: what the halves of a node must share; 1e-5 takes longer and gains nothing
 WIDEN = 64.0  # machine epsilons of the largest coordinate (docs/numerics.md)
 
@@ -55,33 +55,33 @@ def half_area_of(boxes: NDArray[np.floating]) -> float:
     return x * y + y * z + z * x
 
 
-def divided_tree(
-    boxes: NDArray[np.floating], order: NDArray[np.int32], triangles: NDArray[np.floating], small: int
-) -> tuple[Binary, int] | None:
+def divided_tree(mesh: "MeasuredMesh", n: int, room: int, small: int) -> tuple[Binary, int] | None:
     """Return the binary tree of a mesh, with divided triangles, and its number of nodes; None if they do not pay.
 
     Parameters
     ----------
-    boxes : (n, 8) float array
-        Boxes of the triangles that have an area.
-    order : (n,) int array
-        Their numbers.
-    triangles : (m, 12) float array
+    mesh : MeasuredMesh
+        The first ``n`` places in its arrays hold the triangles that have an area. The tree uses the arrays.
+    n : int
+    room : int
+        Places in the arrays: the most references.
     small : int
         Nodes of at most so many references are the roots of subtrees that threads share.
     """
+    boxes = mesh.boxes[: BOX * n].reshape(n, BOX)
     with np.errstate(all="ignore"):
-        if not tests_spared(boxes, order, triangles) > WORTH:
+        if not tests_spared(boxes, mesh.order[:n], mesh.triangles) > WORTH:
             return None
     from raytrace.accel import spatial  # few meshes need it
 
-    refs = references_of(boxes, order, triangles)
+    refs = references_of(mesh, boxes, room)
     tree, dtype = refs.tree, boxes.dtype
     used = spatial.grow_spatial(refs, Subtree(0, 0, 1, small), spatial.make_spatial_scratch(dtype))
     pending = np.flatnonzero(tree.left[:used] < 0)
     places = 2 * (refs.limit[pending] - tree.first[pending]).astype(np.int64)
     roots = zip(pending, used + np.cumsum(places) - places, strict=True)
     subtrees = [Subtree(int(node), int(~tree.left[node]), int(first), 0) for node, first in roots]
+    subtrees.sort(key=lambda subtree: -tree.count[subtree.node])  # so threads end together
     counts = [used]
 
     def finish(subtree: Subtree) -> None:
@@ -91,20 +91,13 @@ def divided_tree(
     return tree, sum(counts)
 
 
-def references_of(
-    boxes: NDArray[np.floating], order: NDArray[np.int32], triangles: NDArray[np.floating]
-) -> "References":
+def references_of(mesh: "MeasuredMesh", boxes: NDArray[np.floating], room: int) -> "References":
     """Return the root of a tree that may divide triangles: one reference to each, and free places."""
     from raytrace.accel.clip import References
 
-    n, dtype = len(order), boxes.dtype
-    room = n + int(ROOM * n)
-    numbers, places = np.zeros(room, np.int32), np.zeros((room, BOX), dtype)
-    numbers[:n], places[:n] = order, boxes
-    tree = make_binary(numbers, places.reshape(-1))
-    tree.count[0] = n
+    tree = make_binary(mesh.order[:room], mesh.boxes[: BOX * room])
+    tree.count[0] = len(boxes)
     limit = np.zeros(len(tree.count), np.int32)
     limit[0] = room
-    largest = float(np.abs(boxes).max())
-    margins = np.array([WIDEN * float(np.finfo(dtype).eps) * largest, LEAST * half_area_of(boxes)], dtype)
-    return References(tree, limit, triangles.reshape(-1), margins)
+    margins = [WIDEN * float(np.finfo(boxes.dtype).eps) * float(np.abs(boxes).max()), LEAST * half_area_of(boxes)]
+    return References(tree, limit, mesh.triangles.reshape(-1), np.array(margins, boxes.dtype))

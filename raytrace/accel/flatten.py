@@ -26,16 +26,17 @@ def open_widest(tree: Binary, kids, number: int) -> bool:
     return True
 
 
-@inlined
-def fill_leaf(tree: Binary, node: int, leaves: Leaves, leaf: int, triangles):
-    """Copy the triangles of a binary leaf into the lanes of a leaf."""
-    begin, count = tree.first[node], tree.count[node]
-    for k in range(NODE):
-        number = tree.order[begin + k] if k < count else -1
-        leaves.prim_id[leaf * LEAF_SIZE + PRIM_ID + k] = number
-        for row in range(12):
-            at = leaf * LEAF_SIZE + k + NODE * (row if row < 9 else row + 1)
-            leaves.rows[at] = triangles[number, row] if k < count else 0.0
+@kernel
+def fill_leaves(tree: Binary, sources, begin: int, end: int, leaves: Leaves, triangles):
+    """Copy the triangles of binary leaves into the lanes of some leaves."""
+    for leaf in range(begin, end):
+        first, count = tree.first[sources[leaf]], tree.count[sources[leaf]]
+        for k in range(NODE):
+            number = tree.order[first + k] if k < count else -1
+            leaves.prim_id[leaf * LEAF_SIZE + PRIM_ID + k] = number
+            for row in range(12):
+                at = leaf * LEAF_SIZE + k + NODE * (row if row < 9 else row + 1)
+                leaves.rows[at] = triangles[number, row] if k < count else 0.0
 
 
 @inlined
@@ -50,10 +51,11 @@ def fill_box(nodes: Nodes, at: int, bounds, i: int, eps):
 
 
 @kernel
-def flatten(tree: Binary, nodes: Nodes, leaves: Leaves, triangles, stack, kids):
+def flatten(tree: Binary, nodes: Nodes, sources, stack, kids):
     """Collapse a binary tree into nodes of eight children; return the numbers of nodes, leaves and levels.
 
-    Of the children that a node has so far, the one of largest area is opened first.
+    Of the children that a node has so far, the one of largest area is opened first. The numbers of the binary leaves
+    are written to ``sources``.
     """
     eps = machine_epsilon(nodes.bounds)
     stack[0, :] = 0
@@ -74,7 +76,7 @@ def flatten(tree: Binary, nodes: Nodes, leaves: Leaves, triangles, stack, kids):
                 continue
             fill_box(nodes, node * NODE_SIZE + k, tree.bounds, BOX * kids[k], eps)
             if tree.left[kids[k]] == 0:
-                fill_leaf(tree, kids[k], leaves, number_of_leaves, triangles)
+                sources[number_of_leaves] = kids[k]
                 nodes.child[node * NODE_SIZE + CHILD + k] = ~number_of_leaves
                 number_of_leaves += 1
                 continue

@@ -103,8 +103,9 @@ def fill_bins(tree: Binary, begin: int, end: int, scratch: GrowScratch):
     for axis in range(3):
         extent = high(scratch.middles, 0, axis) - low(scratch.middles, 0, axis)
         scratch.scale[axis] = SAH_BINS / extent if extent > 0.0 and SAH_BINS / extent < np.inf else 0.0
+    empty = empty_bin(load(scratch.bins, 0, BOX))
     for k in range(3 * SAH_BINS):
-        store(scratch.bins, BOX * k, empty_bin(load(scratch.bins, 0, BOX)))
+        store(scratch.bins, BOX * k, empty)
     least, scale = load(scratch.middles, 0, HALF), load(scratch.scale, 0, HALF)
     for k in range(begin, end, sample_step(end - begin)):
         middle = load(tree.boxes, BOX * k, HALF) - load(tree.boxes, BOX * k + HALF, HALF)

@@ -7,6 +7,7 @@ run that way when the JIT is disabled. ``lanes_jit`` gives Numba the LLVM instru
 """
 
 from fractions import Fraction
+from functools import cache
 
 import numpy as np
 
@@ -206,17 +207,17 @@ def reverse_bits(x):
 
 def minimum(a, b):
     """``a if a < b else b``: where either is NaN, ``b``."""
-    return np.where(a < b, a, b).astype(np.result_type(a, b))
+    return np.where(a < b, a, b)
 
 
 def maximum(a, b):
     """``a if a > b else b``: where either is NaN, ``b``."""
-    return np.where(a > b, a, b).astype(np.result_type(a, b))
+    return np.where(a > b, a, b)
 
 
 def select(mask, a, b):
     """``a`` where the mask holds, else ``b``."""
-    return np.where(mask, a, b).astype(np.result_type(a, b))
+    return np.where(mask, a, b)
 
 
 def power_of_two(x):
@@ -232,7 +233,12 @@ def bits(mask):
 
 def mask_of(x, like):
     """The mask whose lane k is bit k of the integer ``x``, as wide as ``like``."""
-    return np.array([x >> k & 1 == 1 for k in range(len(like))])
+    return _mask_of(x, len(like))
+
+
+@cache
+def _mask_of(x, n):
+    return np.array([x >> k & 1 == 1 for k in range(n)])
 
 
 def count(mask):

@@ -72,8 +72,9 @@ def bin_parts(refs: References, k: int, axis: int, first: int, last: int, scratc
 def fill_parts(refs: References, begin: int, end: int, node: int, scratch: SpatialScratch):
     """Count references that begin and end in the bins of all three axes, and grow the boxes of the bins."""
     tree, bins = refs.tree, scratch.grow.bins
+    empty = empty_bin(load(bins, 0, BOX))
     for k in range(3 * PARTS):
-        store(bins, BOX * k, empty_bin(load(bins, 0, BOX)))
+        store(bins, BOX * k, empty)
     for axis in range(3):
         extent = high(tree.bounds, BOX * node, axis) - low(tree.bounds, BOX * node, axis)
         scratch.sides[axis] = PARTS / extent if extent > 0.0 and PARTS / extent < np.inf else 0.0

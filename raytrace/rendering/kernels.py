@@ -11,7 +11,7 @@ import numpy as np
 from raytrace.accel import query, reorder
 from raytrace.accel.build import LEAVES, SMALL_MESH, measure
 from raytrace.accel.bvh import BVH
-from raytrace.accel.flatten import flatten
+from raytrace.accel.flatten import fill_leaves, flatten
 from raytrace.accel.grow import Subtree, grow, make_binary, make_grow_scratch
 from raytrace.accel.lanes import NODE, PACKET
 from raytrace.accel.layout import make_leaves, make_nodes
@@ -195,7 +195,8 @@ def _building(dtype: np.dtype, triangle: str) -> Iterator[Call]:
     yield grow, (tree, 0, NODE, Subtree(0, 0, 1, 0), make_grow_scratch(dtype))
     kind: Any = LEAVES[triangle]
     nodes, leaves = make_nodes(1, dtype), make_leaves(kind, 1, dtype)
-    yield flatten, (tree, nodes, leaves, triangles, np.zeros((1, 3), np.int64), np.zeros(NODE, np.int64))
+    yield flatten, (tree, nodes, tree.order, np.zeros((1, 3), np.int64), np.zeros(NODE, np.int64))
+    yield fill_leaves, (tree, tree.order, 0, 1, leaves, triangles)
     yield measure, (vertices, faces, triangles, tree.boxes, tree.order, np.zeros(9))
 
 
