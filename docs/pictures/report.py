@@ -1,6 +1,7 @@
 """Measure the Cornell box, and write the plot of docs/report.md: ``python docs/pictures/report.py``.
 
-It takes about two minutes. Run it while nothing else uses the machine: the plot shows times. ``--json FILE`` keeps the numbers.
+It takes about two minutes. Run it while nothing else uses the machine: the plot shows times. ``--json FILE`` keeps the
+numbers.
 """
 
 import shutil
