@@ -124,7 +124,7 @@ def test_the_new_numbers_stand_in_text_and_json():
                       floor=Floor(0.0, 1e-6, 64, 6), spectra=(spectrum,))  # fmt: skip
     told, found = text(report), as_json(report)
     assert "time to RMSE 0.01" in told
-    assert "-1.00 (-1.00 .. -1.00)" in told
+    assert "-1.00 ±0.00" in told
     assert "sobol, float32, 4 spp  1.00 (1.00 .. 1.00): white" in told
     assert "The bias floor of float32 is below RMSE (sRGB) 1.0e-06" in told
     assert found["slopes"][0]["slope"] == pytest.approx(-1)

@@ -22,6 +22,10 @@ section { border-top: 1px solid #bbb; margin-top: 1em; padding-top: 1em; }
 .row { display: flex; flex-wrap: wrap; gap: 1em; } figure { margin: 0; } figcaption, small { color: #555; }
 img { image-rendering: pixelated; display: block; outline: 1px solid #bbb; max-width: 100%; }
 .why, .cause { border-left: .3em solid #d55e00; padding-left: .8em; } .cause { border-color: #0072b2; }
+@media (prefers-color-scheme: dark) {
+  body { background: #15181c; color: #e6e6e6; } figcaption, small { color: #a8a8a8; } a { color: #56b4e9; }
+}
+@media (min-width: 1600px) { body { font-size: 20px; } }
 """
 
 

@@ -35,6 +35,11 @@ img { image-rendering: pixelated; display: block; outline: 1px solid #bbb; width
 @media (min-width: 1000px) { .row > figure { max-width: calc(50% - .5em); } }
 .swap img { cursor: pointer; }
 table { border-collapse: collapse; margin-top: 1em; } td { padding: .1em 1em .1em 0; } code { background: #f2f2f2; }
+@media (prefers-color-scheme: dark) {
+  body { background: #15181c; color: #e6e6e6; } small { color: #a8a8a8; } code { background: #2a2e34; }
+  .why { background: #3a2418; } .cause { background: #1d2a36; }
+}
+@media (min-width: 1600px) { body { font-size: 20px; } }
 """
 SCRIPT = """
 const swapped = [...document.querySelectorAll('.swap img')], sources = swapped.map(img => img.src);

@@ -100,11 +100,16 @@ def cost_text(cost: Cost, form: str) -> str:
 
     >>> cost_text(Cost(0.5, Interval(0.45, 0.5556)), ".3g"), cost_text(Cost(float("nan"), UNKNOWN), ".3g")
     ('0.5 ±11 %', '-')
+    >>> cost_text(Cost(0.5, Interval(0.01, 25.0)), ".3g")
+    '0.5 ±>100 %'
     """
     if math.isnan(cost.value):
         return "-"
     half = log_half_width(cost.interval)
-    return f"{cost.value:{form}}" + ("" if math.isnan(half) else f" ±{100 * math.expm1(half):.0f} %")
+    if math.isnan(half):
+        return f"{cost.value:{form}}"
+    share = 100 * math.expm1(half)
+    return f"{cost.value:{form}} ±" + (f"{share:.0f} %" if share <= 100 else ">100 %")
 
 
 def spp_at(curve: Sequence[Point], seconds: float) -> float:

@@ -84,8 +84,9 @@ def _slopes(report: Any) -> str:
     if not report.slopes:
         return ""
     return f"""<h2>How fast errors fall: local slopes</h2>
-<p>Slope of log error against log samples, between neighbouring counts, with its 95 % interval. Independent samples have
--0.50. "Uncertain": the interval is too wide to tell anything.</p>{html_table(slope_rows(report.slopes))}"""
+<p>Slope of log error against log samples, between neighbouring counts; ±: half of its 95 % interval. Independent
+samples have -0.50. "Uncertain": the interval is too wide to tell anything.</p>
+{html_table(slope_rows(report.slopes))}"""
 
 
 def _spectra(report: Any, plots: Mapping[str, bytes]) -> str:

@@ -29,7 +29,8 @@ tr:hover { outline: 1px solid var(--soft); } td img { display: block; height: 5e
 .wide { overflow-x: auto; } small, .quiet { color: var(--soft); font-size: .82em; }
 td:first-child, th:first-child { position: sticky; left: 0; background: inherit; } tr { background: var(--paper); }
 @media (max-width: 700px) { body { font-size: 16px; } .plots picture { display: block; overflow-x: auto; }
-  .plots img { width: 640px; max-height: none; } td:first-child { white-space: normal; min-width: 7em; } }
+  .plots img { width: 640px; max-height: none; }
+  td:first-child:not(:has(img)) { white-space: normal; min-width: 9.6em; } }
 """
 SCRIPT = """
 const shown = JSON.parse(document.getElementById('shown').textContent);

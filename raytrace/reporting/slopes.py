@@ -70,9 +70,9 @@ def steep_text(slope: Slope) -> str:
 
     >>> way = Configuration("sobol", "float32")
     >>> steep_text(Slope(way, (64, 128), -0.771, Interval(-0.79, -0.752)))
-    '-0.77 (-0.79 .. -0.75)'
+    '-0.77 ±0.02'
     >>> steep_text(Slope(way, (64, 128), -0.7, Interval(-1.9, 0.5)))
     'uncertain'
     """
-    low, high = slope.interval
-    return f"{slope.slope:.2f} ({low:.2f} .. {high:.2f})" if slope.certain else "uncertain"
+    half = (slope.interval.high - slope.interval.low) / 2
+    return f"{slope.slope:.2f} ±{half:.2f}" if slope.certain else "uncertain"

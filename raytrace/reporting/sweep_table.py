@@ -82,13 +82,15 @@ def seconds_label(seconds: float) -> str:
 def percent(interval: Interval) -> str:
     """Format half of the width of an interval as a percentage.
 
-    >>> percent(Interval(0.9, 1.1)), percent(Interval(math.nan, math.nan))
-    ('11', '-')
+    >>> percent(Interval(0.9, 1.1)), percent(Interval(0.1, 10.0)), percent(Interval(math.nan, math.nan))
+    ('11', '>100', '-')
     """
     half = log_half_width(interval)
     if math.isnan(half):
         return "-"
     share = 100 * math.expm1(half)
+    if share > 100:
+        return ">100"
     return f"{share:.0f}" if share >= 9.5 else f"{share:.1g}"
 
 
@@ -137,7 +139,7 @@ def text(report: Any) -> str:
     if report.costs and report.costs.rows:
         parts.append(f"{lay_out(cost_rows(report.costs))}\n{COSTS_LEGEND}")
     if report.slopes:
-        title = "local slopes: error ~ spp^slope between neighbouring counts (95 % interval)"
+        title = "local slopes: error ~ spp^slope between neighbouring counts (±: half of the 95 % interval)"
         columns = [list(row) for row in zip(*slope_rows(report.slopes), strict=True)]
         parts.append(f"{title}\n{lay_out(columns)}")
     parts.append(
