@@ -7,8 +7,9 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Iterable
+from functools import cache
 from queue import Empty, SimpleQueue
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 KEPT = 4 * (os.cpu_count() or 1)  # threads that wait for work; others end
 
@@ -24,23 +25,33 @@ class Worker:
 
     def __init__(self) -> None:
         self.tasks = SimpleQueue[tuple[Work, "Job"] | None]()
-        self.affinity = _affinity()
+        self._allowed = self._affinity = _affinity()
         self.thread = threading.Thread(target=self._serve, name=f"raytrace-{next(_numbers)}", daemon=True)
         self.thread.start()
 
-    def move(self, affinity: set[int] | None) -> None:
-        """Use the CPU cores that the calling thread may use, as a new thread would."""
-        if affinity is not None and affinity != self.affinity and self.thread.native_id:
+    def place(self, allowed: set[int], taken: set[int]) -> None:
+        """Let the thread use the cores that the caller may use, as a new thread would, but wake on none of ``taken``.
+
+        Left to itself, Linux wakes a thread on the core of its caller even where another core has nothing to do, and
+        moves it milliseconds later.
+        """
+        self._allowed = allowed
+        self._use(allowed - taken or allowed)
+
+    def _use(self, cores: set[int]) -> None:
+        if cores and cores != self._affinity and self.thread.native_id:
             with contextlib.suppress(OSError):
-                os.sched_setaffinity(self.thread.native_id, affinity)
-            self.affinity = affinity
+                os.sched_setaffinity(self.thread.native_id, cores)
+            self._affinity = cores
 
     def _serve(self) -> None:
         while task := self.tasks.get():
             work, job = task
             if not job.claim.acquire(blocking=False):
+                del work, task
                 continue
             try:
+                self._use(self._allowed)
                 work()
                 del work, task  # and the memory that they refer to
                 _unfinished.discard(job.done)
@@ -70,18 +81,23 @@ class Job(NamedTuple):
         return True
 
 
-def start(work: Work, count: int) -> list[Job]:
-    """Call ``work`` in so many threads, or in as many as there can be; return what they were given."""
+def start(work: Work, count: int, busy: bool) -> list[Job]:
+    """Call ``work`` in so many threads, or in as many as there can be; return what they were given.
+
+    ``busy`` says whether the calling thread goes on working. If not, one of the threads may wake on its CPU core.
+    """
     jobs: list[Job] = []
-    affinity, daemon = _affinity(), threading.current_thread().daemon
-    while len(jobs) < count and not sys.is_finalizing():  # a thread would wait forever then
+    if count < 1 or sys.is_finalizing():  # a thread would wait forever then
+        return jobs
+    allowed, here, daemon = _affinity(), _core(), threading.current_thread().daemon
+    while len(jobs) < count and not sys.is_finalizing():
         try:
             worker = _idle.pop() if _idle else Worker()
         except IndexError:  # another thread took the last one
             continue
         except RuntimeError:
             break
-        worker.move(affinity)
+        worker.place(allowed, here if busy or jobs else set())
         job = Job(worker, threading.Lock(), threading.Lock())
         job.done.acquire()
         if not daemon:
@@ -98,8 +114,25 @@ def join(jobs: Iterable[Job]) -> None:
             job.done.acquire()
 
 
-def _affinity() -> set[int] | None:
-    return os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
+def _affinity() -> set[int]:
+    """Return the CPU cores that this thread may use; none where the system does not say."""
+    return os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set()
+
+
+def _core() -> set[int]:
+    """Return the CPU core on which this thread runs; none where the system does not say."""
+    core = _core_number()
+    return {core()} if core else set()
+
+
+@cache
+def _core_number() -> Callable[[], int] | None:
+    from ctypes import CDLL  # compiled kernels have imported it
+
+    try:
+        return cast("Callable[[], int]", CDLL(None).sched_getcpu)
+    except (AttributeError, OSError, TypeError):  # only Linux has it
+        return None
 
 
 def _dismiss() -> None:

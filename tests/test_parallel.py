@@ -138,7 +138,9 @@ def ranges(monkeypatch):
     clock, start = SimpleNamespace(now=0.0, perf_counter=lambda: clock.now), thread_pool.start
     monkeypatch.setattr(parallel, "time", clock)
     woken = []
-    monkeypatch.setattr(thread_pool, "start", lambda work, count: [woken.append(count), start(work, count)][1])
+    monkeypatch.setattr(
+        thread_pool, "start", lambda work, count, busy: [woken.append(count), start(work, count, busy)][1]
+    )
 
     def trial(n, threads, pace):
         got = []
@@ -169,7 +171,7 @@ def test_little_work_stays_in_the_callers_thread(ranges):
     assert ranges(1024, 4, 1e-5)[1] == 0
     assert ranges(5000, 4, 1e-8)[1] == 0
     assert ranges(20_000, 1, 1e-6)[1] == 0
-    assert ranges(1024 + 25_000, 4, 1e-8)[1] == 1  # 0.25 ms after the first range
+    assert ranges(1024 + 60_000, 4, 1e-8)[1] == 1  # 0.6 ms after the first range
     assert ranges(200_000, 4, 1e-6)[1] == 3  # the first range is done here, the others by threads
 
 

@@ -87,7 +87,7 @@ def test_a_thread_keeps_nothing_of_its_work():
 
     large = Large()
     gone = weakref.ref(large)
-    jobs = thread_pool.start(large.work, 2)
+    jobs = thread_pool.start(large.work, 2, busy=True)
     for job in jobs:
         job.done.acquire()
     del large
@@ -97,7 +97,7 @@ def test_a_thread_keeps_nothing_of_its_work():
 def test_threads_beyond_those_kept_end(monkeypatch):
     monkeypatch.setattr(thread_pool, "KEPT", 1)
     meet = threading.Barrier(3, timeout=600)
-    jobs = thread_pool.start(meet.wait, 3)
+    jobs = thread_pool.start(meet.wait, 3, busy=False)
     thread_pool.join(jobs)
     assert len(thread_pool._idle) == 1
     for job in jobs:
@@ -114,11 +114,41 @@ def test_threads_use_the_cores_of_their_caller():
     try:
         for allowed in (cores, {min(cores)}, cores):
             os.sched_setaffinity(0, allowed)
-            (job,) = thread_pool.start(lambda: seen.append(os.sched_getaffinity(0)), 1)
+            (job,) = thread_pool.start(lambda: seen.append(os.sched_getaffinity(0)), 1, busy=True)
             job.done.acquire()
             assert seen[-1] == allowed
     finally:
         os.sched_setaffinity(0, cores)
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="cores can't be chosen")
+def test_a_thread_wakes_beside_its_caller_and_then_goes_anywhere():
+    cores, seen = os.sched_getaffinity(0), []
+    if len(cores) == 1:
+        pytest.skip("there is one core")
+    worker = thread_pool.Worker()
+    worker.place(cores, {min(cores)})
+    assert os.sched_getaffinity(worker.thread.native_id) == cores - {min(cores)}
+    thread_pool._idle.append(worker)
+    (job,) = thread_pool.start(lambda: seen.append(os.sched_getaffinity(0)), 1, busy=True)
+    job.done.acquire()
+    assert job.worker is worker
+    assert seen == [cores]
+
+
+@pytest.mark.parametrize("busy", [True, False])
+def test_only_a_caller_who_waits_gives_its_core_to_a_thread(busy, monkeypatch):
+    taken = []
+    monkeypatch.setattr(thread_pool, "_core", lambda: {7})
+    monkeypatch.setattr(thread_pool.Worker, "place", lambda worker, allowed, cores: taken.append(cores))
+    thread_pool.join(thread_pool.start(lambda: None, 3, busy))
+    assert taken == [{7} if busy else set(), {7}, {7}]
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux says on which core a thread runs")
+def test_the_core_of_the_caller_is_one_that_it_may_use():
+    assert len(thread_pool._core()) == 1
+    assert thread_pool._core() <= os.sched_getaffinity(0)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
@@ -148,7 +178,7 @@ def test_the_process_ends_after_its_work(daemon):
             begun.set()
             time.sleep(600 if {daemon} else 0.05)
             print("done", flush=True)
-        caller = threading.Thread(target=thread_pool.start, args=(work, 1), daemon={daemon})
+        caller = threading.Thread(target=thread_pool.start, args=(work, 1, True), daemon={daemon})
         caller.start()
         begun.wait()
     """)

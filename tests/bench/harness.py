@@ -32,16 +32,17 @@ def show(line: str = "") -> None:
     print(line, flush=True)  # noqa: T201  (the only print of the benchmarks)
 
 
-def interleave(calls: Mapping[str, Callable[[], Any]], rounds: int) -> dict[str, np.ndarray]:
-    """Time calls in turn, and return seconds as (rounds,) arrays.
+def interleave(calls: Mapping[Any, Callable[[], Any]], rounds: int, pause: float = 0.0) -> dict[Any, np.ndarray]:
+    """Time calls in turn, with a pause in seconds before each, and return seconds as (rounds,) arrays.
 
     One call of each is not measured. Every second round runs in reverse order.
     """
     for call in calls.values():
         call()
-    seconds: dict[str, list[float]] = {name: [] for name in calls}
+    seconds: dict[Any, list[float]] = {name: [] for name in calls}
     for k in range(rounds):
         for name in list(calls)[:: 1 - 2 * (k % 2)]:
+            time.sleep(pause)
             began = time.perf_counter()
             calls[name]()
             seconds[name].append(time.perf_counter() - began)
