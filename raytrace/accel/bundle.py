@@ -58,6 +58,7 @@ class Bundle(NamedTuple):
     groups: Frustum  # lanes
     axes: Axes
     count: int  # packets
+    nearest_first: bool  # whether the stack is sorted
 
 
 class Ends(NamedTuple):
@@ -92,7 +93,9 @@ def enter_bundle(tree: Tree, node: int, bundle: Bundle, ends: Ends, top: int, wo
         left &= left - 1
         met = bits(groups_at(tree.nodes.bounds, at + k, bundle.groups, bundle.axes, ends.groups))
         if met != 0:
-            top = push(work, base, top, first[k], peek(tree.nodes.child, at + CHILD + k), met)
+            top = push(
+                work, base if bundle.nearest_first else top, top, first[k], peek(tree.nodes.child, at + CHILD + k), met
+            )
     return top
 
 
@@ -164,6 +167,18 @@ def _triangles_met(rows, at, bundle, end, test):
     if test.dispatcher.py_func is any_in_packet:
         return lambda rows, at, bundle, end, test: triangles_on_the_way(rows, at, bundle.whole, bundle.axes, end)
     return lambda rows, at, bundle, end, test: triangles_in(rows, at, bundle.whole, bundle.axes)
+
+
+def nearest_first(test) -> bool:
+    """Whether near boxes are visited before others: not by shadow rays, which end at any hit."""
+    return test is not any_in_packet
+
+
+@specialised(nearest_first)
+def _nearest_first(test):
+    if test.dispatcher.py_func is any_in_packet:
+        return lambda test: False
+    return lambda test: True
 
 
 @inlined
