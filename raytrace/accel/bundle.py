@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytrace.accel.frustum import Frustum, boxes_in, groups_at, triangles_in
+from raytrace.accel.frustum import Frustum, boxes_in, groups_at, triangles_in, triangles_on_the_way
 from raytrace.accel.lanes import (
     bits,
     first_bit,
@@ -43,7 +43,7 @@ from raytrace.accel.scratch import (
 )
 from raytrace.accel.stack import ROOT, push
 from raytrace.accel.triangle import intersect
-from raytrace.jit import inlined
+from raytrace.jit import inlined, specialised
 from raytrace.records import Tree
 from raytrace.work_records import Work
 
@@ -58,6 +58,7 @@ class Bundle(NamedTuple):
     groups: Frustum  # lanes
     axes: Axes
     count: int  # packets
+    nearest_first: bool  # whether the stack is sorted
 
 
 class Ends(NamedTuple):
@@ -65,6 +66,14 @@ class Ends(NamedTuple):
 
     whole: float  # number: of all rays
     groups: float  # lanes: of the rays of each group
+
+
+class MetLeaf(NamedTuple):
+    """A leaf that a bundle meets."""
+
+    at: int  # its first triangle
+    met: int  # bits: groups that meet it
+    end: float  # largest sense * z that any ray can still reach
 
 
 def unbundled(tree: Tree) -> Tree:
@@ -84,7 +93,9 @@ def enter_bundle(tree: Tree, node: int, bundle: Bundle, ends: Ends, top: int, wo
         left &= left - 1
         met = bits(groups_at(tree.nodes.bounds, at + k, bundle.groups, bundle.axes, ends.groups))
         if met != 0:
-            top = push(work, base, top, first[k], peek(tree.nodes.child, at + CHILD + k), met)
+            top = push(
+                work, base if bundle.nearest_first else top, top, first[k], peek(tree.nodes.child, at + CHILD + k), met
+            )
     return top
 
 
@@ -141,23 +152,52 @@ def any_in_packet(tree: Tree, at: int, r: int, axes: Axes, work: Work):
     return bits(inside) != 0
 
 
+def triangles_met(rows, at: int, bundle: Bundle, end, test):
+    """Mask of the eight triangles of a leaf that the rays of a bundle may meet.
+
+    Shadow rays begin on one surface and end before others, so these are left out. Nearest hits are seldom beyond.
+    """
+    if test is any_in_packet:
+        return triangles_on_the_way(rows, at, bundle.whole, bundle.axes, end)
+    return triangles_in(rows, at, bundle.whole, bundle.axes)
+
+
+@specialised(triangles_met)
+def _triangles_met(rows, at, bundle, end, test):
+    if test.dispatcher.py_func is any_in_packet:
+        return lambda rows, at, bundle, end, test: triangles_on_the_way(rows, at, bundle.whole, bundle.axes, end)
+    return lambda rows, at, bundle, end, test: triangles_in(rows, at, bundle.whole, bundle.axes)
+
+
+def nearest_first(test) -> bool:
+    """Whether near boxes are visited before others: not by shadow rays, which end at any hit."""
+    return test is not any_in_packet
+
+
+@specialised(nearest_first)
+def _nearest_first(test):
+    if test.dispatcher.py_func is any_in_packet:
+        return lambda test: False
+    return lambda test: True
+
+
 @inlined
-def visit_leaf(tree: Tree, at: int, bundle: Bundle, met: int, test, work: Work):
-    """Test the triangles of a leaf that reach into the frustum against the packets of the groups ``met`` (bits).
+def visit_leaf(tree: Tree, leaf: MetLeaf, bundle: Bundle, test, work: Work):
+    """Test the triangles of a leaf that reach into the frustum against the packets of the groups that meet it.
 
     Returns whether ``test`` reports a hit of any ray.
     """
     found = False
-    left = bits(triangles_in(tree.leaves.rows, at, bundle.whole, bundle.axes))
+    left = bits(triangles_met(tree.leaves.rows, leaf.at, bundle, leaf.end, test))
     while left != 0:
         k = first_bit(left)
         left &= left - 1
-        if peek(tree.leaves.prim_id, at + PRIM_ID + k) < 0:
+        if peek(tree.leaves.prim_id, leaf.at + PRIM_ID + k) < 0:
             break
         for r in range(bundle.count):
-            if met & (GROUPS << r) != 0:
+            if leaf.met & (GROUPS << r) != 0:
                 work.counts[1] += 1
-                if test(tree, at + k, r, bundle.axes, work):
+                if test(tree, leaf.at + k, r, bundle.axes, work):
                     found = True
     return found
 
@@ -176,5 +216,6 @@ def trace_bundle(tree: Tree, bundle: Bundle, test, work: Work):
             top = enter_bundle(tree, child, bundle, ends, top, work)
             continue
         met = np.int64(peek(work.alive, top)) & bits(ends.groups >= peek(work.t, top))
-        if met != 0 and visit_leaf(tree, ~child * LEAF_SIZE, bundle, met, test, work) and top > 0:
+        leaf = MetLeaf(~child * LEAF_SIZE, met, ends.whole)
+        if met != 0 and visit_leaf(tree, leaf, bundle, test, work) and top > 0:
             ends = ends_of(bundle, work)

@@ -245,3 +245,12 @@ def triangles_in(rows, at: int, frustum: Frustum, axes: Axes):
     """Mask of the eight triangles of a leaf that are not entirely beyond one side of a frustum."""
     x = triangles_between(rows, at, axes.x, axes.z, frustum.low_x, frustum.high_x)
     return x & triangles_between(rows, at, axes.y, axes.z, frustum.low_y, frustum.high_y)
+
+
+@inlined
+def triangles_on_the_way(rows, at: int, frustum: Frustum, axes: Axes, end):
+    """The same, without triangles that are entirely before the first ray begins, or beyond sense * z = end."""
+    a, b = load(rows, at + V0 + axes.z, NODE) * frustum.sense, load(rows, at + V1 + axes.z, NODE) * frustum.sense
+    c = load(rows, at + V2 + axes.z, NODE) * frustum.sense
+    within = (minimum(minimum(a, b), c) <= end) & (maximum(maximum(a, b), c) >= frustum.start)
+    return within & triangles_in(rows, at, frustum, axes)

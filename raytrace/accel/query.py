@@ -8,7 +8,7 @@ import numpy as np
 
 from raytrace.accel.batches import after, in_batch, left, read, read_vectors
 from raytrace.accel.box import PacketBounds, Slabs, endless_packet_bounds, make_packet_bounds, make_slabs
-from raytrace.accel.bundle import Bundle, any_in_packet, closest_in_packet, trace_bundle
+from raytrace.accel.bundle import Bundle, any_in_packet, closest_in_packet, nearest_first, trace_bundle
 from raytrace.accel.frustum import make_frusta
 from raytrace.accel.lanes import (
     absolute,
@@ -143,7 +143,7 @@ def trace_collected(tree: Tree, axis, count: int, test, work: Work) -> bool:
     whole, groups, narrow = make_frusta(tree.extent, dominant, sense, count, work)
     if narrow:
         axes = Axes(0, 0, 0, 8 * ((dominant + 1) % 3), 8 * ((dominant + 2) % 3), 8 * dominant)
-        trace_bundle(tree, Bundle(whole, groups, axes, count), test, work)
+        trace_bundle(tree, Bundle(whole, groups, axes, count, nearest_first(test)), test, work)
     return narrow
 
 
