@@ -14,7 +14,7 @@ from raytrace.rendering.rendering import within
 from raytrace.show.background_renderer import BackgroundRenderer, EncodedImage
 from raytrace.show.orbit import elevation_limits
 from raytrace.show.prepared_scene import PreparedScene
-from raytrace.show.scene_edits import SceneEdits, edited, indices_of_refraction, number_of_lights
+from raytrace.show.scene_edits import MAX_SCALE, SceneEdits, edited, indices_of_refraction, number_of_lights
 
 
 class Message(NamedTuple):
@@ -62,7 +62,7 @@ class PageModel:
         self._newest: dict[str, Message] = {}  # by kind: older ones are not worth sending
         self._count, self._rendered_turn = 0, 0
         self._changed = threading.Condition()
-        self._renderer = BackgroundRenderer(self._begin, self._send_frame, self._send_error)
+        self._renderer = BackgroundRenderer(self._begin, self._send_frame, self._send_error, prepared.settings.size)
 
     def scene(self) -> Scene:
         """Return the scene as displayed."""
@@ -111,6 +111,8 @@ class PageModel:
             return self._own | {material: float(index) for material, index in value.items()}
         if name == "spp":
             return within("spp", value, 1, MAX_SPP)
+        if name == "scale":
+            return within("scale", value, 1, MAX_SCALE)
         if name == "turn":
             return within("turn", value, 0, 2**53)
         first = SceneEdits._field_defaults.get(name)
