@@ -12,6 +12,7 @@ from raytrace.limits import MAX_SPP
 from raytrace.records import Scene
 from raytrace.rendering.rendering import within
 from raytrace.show.background_renderer import BackgroundRenderer, EncodedImage
+from raytrace.show.hidden_backs import HiddenBacks
 from raytrace.show.orbit import elevation_limits
 from raytrace.show.prepared_scene import PreparedScene
 from raytrace.show.scene_edits import MAX_SCALE, SceneEdits, edited, indices_of_refraction, number_of_lights
@@ -51,6 +52,7 @@ class PageModel:
     def __init__(self, prepared: PreparedScene, spp: int) -> None:
         scene = prepared.scene
         self._prepared, self._own = prepared, indices_of_refraction(scene)
+        self._backs = HiddenBacks(scene, prepared.compiled.bvh)
         self.state: dict[str, Any] = SceneEdits(ior=self._own, spp=spp)._asdict() | {
             "turn": 0,  # number of changes that a page has sent
             "size": list(prepared.settings.size),
@@ -66,7 +68,7 @@ class PageModel:
 
     def scene(self) -> Scene:
         """Return the scene as displayed."""
-        return edited(self._prepared, SceneEdits(*(self.state[name] for name in SceneEdits._fields)))
+        return edited(self._prepared, SceneEdits(*(self.state[name] for name in SceneEdits._fields)), self._backs)
 
     def change(self, values: dict[str, Any]) -> None:
         """Set values, and render the scene anew.

@@ -70,6 +70,16 @@ function slider(controls, sender, { label, low, high, step, read, write, format 
   };
 }
 
+function checkbox(controls, sender, { label, name }) {
+  const row = element("label", controls, { className: "check" });
+  const input = element("input", row, { type: "checkbox" });
+  element("span", row, { textContent: label });
+  input.onchange = () => sender.set({ [name]: input.checked });
+  return () => {
+    input.checked = sender.get(name);
+  };
+}
+
 function sliders(controls, sender, model) {
   const made = [];
   const add = (options) => made.push(slider(controls, sender, options));
@@ -163,6 +173,7 @@ function render({ model, el }) {
 
   const sender = new ChangeSender(model);
   const shown = sliders(controls, sender, model);
+  shown.push(checkbox(controls, sender, { label: "hide walls seen from behind", name: "hide_backs" }));
   const reset = element("button", controls, { textContent: "Reset" });
   const status = element("div", controls, { className: "status" });
   element("div", controls, { className: "note", textContent: "Drag to rotate, wheel to zoom, click a pixel to show its path." });
@@ -211,7 +222,7 @@ function render({ model, el }) {
   const moved = () => {
     if (!mark.hidden) mark.hidden = true;
   };
-  const camera = "change:azimuth change:elevation change:distance", values = "change:power change:ior change:spp";
+  const camera = "change:azimuth change:elevation change:distance", values = "change:power change:ior change:spp change:hide_backs";
   model.on("msg:custom", receive);
   model.on(camera, moved);
   model.on(values, update);
