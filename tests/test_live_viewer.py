@@ -76,6 +76,15 @@ def test_the_browser_can_ask_for_a_picture_and_for_a_path(viewer):
     assert viewer.sent[-1][0] == {"kind": "error", "text": "pixel: expected a number from 0 to 39, got 40"}
 
 
+def test_at_rest_there_is_a_pixel_for_each_of_the_screen_after_a_small_image(viewer):
+    viewer.scale = 3
+    until(lambda: viewer.sent and viewer.sent[-1][0]["type"] == "image/png")
+    (first, (small,)), (_, (large,)) = viewer.sent[0], viewer.sent[-1]
+    assert (first["type"], first["samples"], pixels(small).shape) == ("image/jpeg", 1.0, (30, 40, 3))
+    np.testing.assert_array_equal(pixels(large), srgb8(rt.render(FILE, size=(120, 90), spp=4).rgb))
+    assert viewer.scene.settings.size == (120, 90)
+
+
 def test_knobs_refuse_nonsense_in_a_line(viewer):
     wrong = [("ior", {"glas": 1.5}), ("ior", {"pane": 0.0}), ("ior", {"pane": float("nan")})]
     for name, value in (*wrong, ("power", -1.0), ("spp", 0), ("distance", 0.0)):
@@ -178,6 +187,7 @@ def shown(page):
 
 def expected(**edits):
     twin = rt.show.live("scenes/glass-sphere.json", spp=16)
+    twin.scale = 2  # 512 pixels of the screen, 256 of the moving image
     for name, value in edits.items():
         setattr(twin, name, value)
     return srgb8(rt.render(twin.scene).rgb)
@@ -189,7 +199,8 @@ def label(page, text):
 
 def test_the_picture_at_rest_has_the_bits_of_render(page):
     np.testing.assert_array_equal(shown(page), expected())
-    assert page.locator(".raytrace-viewer .status").text_content() == "16 samples per pixel"
+    status = page.locator(".raytrace-viewer .status").text_content()
+    assert status == "16 samples per pixel, 512 \N{MULTIPLICATION SIGN} 512"
 
 
 def test_there_is_a_slider_for_light_each_glass_and_samples(page):
@@ -250,9 +261,9 @@ def test_a_click_shows_the_path_of_that_pixel(page):
     page.mouse.click(box["x"] + 2 * 90 + 1, box["y"] + 2 * 180 + 1)
     page.locator(".raytrace-viewer .path table").first.wait_for()
     html = page.locator(".raytrace-viewer .path").inner_html()
-    assert "sample 0 of pixel (90, 180)" in html
+    assert "sample 0 of pixel (181, 361)" in html
     assert page.locator(".raytrace-viewer .mark").is_visible()
-    own = rt.show.path(rt.show.live("scenes/glass-sphere.json").scene, (90, 180))
+    own = rt.show.path(rt.show.live("scenes/glass-sphere.json").scene, (181, 361), size=(512, 512))
     assert own.steps.path[0].event in html
 
 

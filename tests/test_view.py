@@ -182,6 +182,7 @@ def test_a_new_page_gets_no_messages_of_an_older_one(server):
         {"spp": 0},
         {"spp": "4"},
         {"turn": -1},
+        {"scale": 0},
         {"distance": 0},
         {"power": -1},
         {"azimuth": float("nan")},

@@ -30,6 +30,7 @@ class CompiledScene(NamedTuple):
     background: NDArray[np.floating]  # (3,) f
     light_position: NDArray[np.floating]  # (l, 3) f
     light_flux: NDArray[np.floating]  # (l, 3) f
+    camera_bvh: BVH | None = None  # for the first rays, without triangles hidden in the viewer; None: bvh
 
 
 _paths: WeakKeyDictionary[Scene, dict[tuple[str, str], "PathScene"]] = WeakKeyDictionary()  # precision, integrator
@@ -84,7 +85,7 @@ def path_scene_of(scene: Scene, compiled: CompiledScene, integrator: str) -> "Pa
     base = base_of(scene)
     known, key = _paths.setdefault(base, {}), (compiled.bvh.precision, integrator)
     if key not in known:
-        known[key] = make_path_scene(base, compiled.bvh, integrator)
+        known[key] = make_path_scene(base, compiled.bvh, integrator)._replace(camera_bvh=compiled.camera_bvh)
     return known[key] if base is scene else known[key]._replace(lens=lens_of(scene, key[0]))
 
 

@@ -37,6 +37,7 @@ class PathScene(NamedTuple):
     lens: Lens | None  # None: a pinhole, and a box filter
     textures: TextureTable | None = None  # None: no reflectance is a texture
     lamp_textures: TextureTable | None = None  # the same; None: no emission is a texture
+    camera_bvh: BVH | None = None  # for the first rays; None: bvh
 
     def kernel_key(self) -> tuple[Any, ...]:
         """What decides which kernels this scene needs."""

@@ -41,6 +41,8 @@ class PathWavefront:
         self.seconds: defaultdict[str, float] = defaultdict(float)
         self.rays: Counter[str] = Counter()
         self.work = scene.bvh.pool_work()
+        self.first_bvh = scene.bvh if scene.camera_bvh is None else scene.camera_bvh
+        self.first_work = self.work if scene.camera_bvh is None else scene.camera_bvh.pool_work()
         trees = (scene.shadow_bvh, scene.passed_bvh)
         self.shadow_work = {id(bvh): bvh.pool_work() for bvh in trees if bvh is not None}
         textured = scene.textures is not None
@@ -89,7 +91,7 @@ class PathWavefront:
     def _trace(self, n: int) -> None:
         """Follow paths from surface to surface, until none is left or they have met ``max_depth`` surfaces."""
         scene, here, there = self.scene, self.paths, self.others
-        self._closest(here, self._origins(here), n)
+        self._closest(here, self._origins(here), n, self.first_bvh)
         self.rays["camera"] += n
         for depth in range(1, scene.max_depth + 1):
             self._see(here, n, depth)
@@ -111,7 +113,7 @@ class PathWavefront:
             if depth == scene.max_depth and not self.finds_light:
                 break
             here, there = there, here
-            self._closest(here, self._columns(here.rays.o), n)
+            self._closest(here, self._columns(here.rays.o), n, scene.bvh)
             self.rays["path"] += n
         else:
             self._see(here, n, scene.max_depth + 1)
@@ -201,10 +203,11 @@ class PathWavefront:
     def _columns(self, array: NDArray[np.floating]) -> Columns:
         return Columns(array, 0, 1, self._rows)
 
-    def _closest(self, here: Paths, origins: Columns, n: int) -> None:
+    def _closest(self, here: Paths, origins: Columns, n: int, bvh: BVH) -> None:
         limits = Columns(self.zero, 0, 0, 0), Columns(self.infinity, 0, 0, 0)
         rays = Rays(origins, self._columns(here.rays.d), *limits)
-        query.closest_hit(self.scene.bvh.tree, rays, here.rays.hits, n, self.work)
+        work = self.work if bvh is self.scene.bvh else self.first_work
+        query.closest_hit(bvh.tree, rays, here.rays.hits, n, work)
         self._lap("closest hit")
 
 

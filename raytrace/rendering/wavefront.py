@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.accel import query
+from raytrace.accel.bvh import BVH
 from raytrace.accel.lanes import PACKET
 from raytrace.passes.camera import camera_rays
 from raytrace.passes.columns import BATCH_COLUMNS, ColumnMemory, shortened_record
@@ -41,6 +42,8 @@ class Wavefront:
         self.seconds: defaultdict[str, float] = defaultdict(float)
         self.rays: Counter[str] = Counter()
         self.work = compiled.bvh.work()
+        self.first_bvh = compiled.bvh if compiled.camera_bvh is None else compiled.camera_bvh
+        self.first_work = self.work if compiled.camera_bvh is None else compiled.camera_bvh.work()
         self.shadow_work = [bvh.work() for bvh in compiled.shadow_bvhs]
         batches = 1 + 2 * compiled.plan.refraction
         memory = ColumnMemory(BATCH_COLUMNS * batches + OTHER_COLUMNS, n, dtype)
@@ -73,7 +76,7 @@ class Wavefront:
         camera_rays(self.view, self.sampler, x, y, np.array([first, last]), samples.d)
         clock = self._lap("camera", clock)
         origins = Columns(self.view.origin, 0, 0, 1)
-        self._closest(samples, origins, self.n)
+        self._closest(samples, origins, self.n, self.first_bvh)
         clock = self._lap("closest hit", clock)
         self.rays["camera"] += self.n
         if compiled.plan.refraction:
@@ -100,9 +103,10 @@ class Wavefront:
     def _columns(self, array: NDArray[np.floating]) -> Columns:
         return Columns(array, 0, 1, self._rows)
 
-    def _closest(self, batch: Batch, origins: Columns, count: int) -> None:
+    def _closest(self, batch: Batch, origins: Columns, count: int, bvh: BVH) -> None:
         rays = Rays(origins, self._columns(batch.d), self._limit(self.zero), self._limit(self.infinity))
-        query.closest_hit(self.compiled.bvh.tree, rays, batch.hits, count, self.work)
+        work = self.work if bvh is self.compiled.bvh else self.first_work
+        query.closest_hit(bvh.tree, rays, batch.hits, count, work)
 
     def _refract(self) -> None:
         """Follow samples until they hit a diffuse surface, leave the scene, or have met ``max_depth`` surfaces."""
@@ -112,7 +116,7 @@ class Wavefront:
         depth = 1
         while count and depth < compiled.max_depth:
             source, target = target, self.bounced[depth % 2]
-            self._closest(source, self._columns(source.o), count)
+            self._closest(source, self._columns(source.o), count, compiled.bvh)
             self.rays["refraction"] += count
             land(source, count, self.samples)
             count = refract_rays(compiled.shading, compiled.normals, source, count, target)

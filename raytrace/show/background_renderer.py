@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.errors import RaytraceError
+from raytrace.image.files import srgb8
 from raytrace.limits import MAX_SIDE
 from raytrace.records import Scene
 from raytrace.rendering.preview import Preview
@@ -45,12 +46,19 @@ class BackgroundRenderer:
         Called with each EncodedImage, in that thread.
     fail : callable
         Called with each exception, in that thread.
+    size : (width, height), pixels, optional
+        Of the first image of each scene, with 1 sample per pixel: small enough to follow the user's movements. Default:
+        the size of the scene.
     """
 
     def __init__(
-        self, make: Callable[[], Scene], send: Callable[[EncodedImage], None], fail: Callable[[Exception], None]
+        self,
+        make: Callable[[], Scene],
+        send: Callable[[EncodedImage], None],
+        fail: Callable[[Exception], None],
+        size: tuple[int, int] | None = None,
     ) -> None:
-        self._make, self._send, self._fail = make, send, fail
+        self._make, self._send, self._fail, self._size = make, send, fail, size
         self._lock, self._requested, self._busy = threading.Lock(), threading.Event(), False
 
     def request(self) -> None:
@@ -70,7 +78,10 @@ class BackgroundRenderer:
             try:
                 scene = self._make()
                 expect_backs(scene)
-                image = render(scene, progress=_PreviewSender(self))
+                larger = self._size is not None and scene.settings.size != self._size
+                if larger:
+                    self._send_small(scene)
+                image = render(scene, progress=_PreviewSender(self, cancel=larger))
                 self._send(EncodedImage(image._repr_png_(), "image/png", image.provenance["spp"]))
             except _OutdatedError:
                 continue
@@ -80,6 +91,13 @@ class BackgroundRenderer:
                 self._busy = False  # this thread ends; the next request starts another
                 self._fail(error)
                 raise
+
+    def _send_small(self, scene: Scene) -> None:
+        """Send the first image; then wait for a new request, because the image at rest takes longer."""
+        image = render(scene, spp=1, size=self._size, progress=False)
+        self.send_preview(srgb8(image.rgb), 1.0)
+        if self.outdated(GRACE):
+            raise _OutdatedError
 
     def _next(self) -> bool:
         with self._lock:
@@ -97,17 +115,25 @@ class BackgroundRenderer:
 
 
 class _PreviewSender(Preview):
-    """Sends previews, the first at one sample per pixel; stops the render if it is outdated."""
+    """Sends previews, the first at one sample per pixel; stops the render if it is outdated.
 
-    def __init__(self, renderer: BackgroundRenderer) -> None:
+    Parameters
+    ----------
+    renderer : BackgroundRenderer
+    cancel : bool
+        Whether to stop even before the first preview; else it is always sent, because the user sees it while dragging.
+    """
+
+    def __init__(self, renderer: BackgroundRenderer, cancel: bool) -> None:
         super().__init__()
-        self._renderer, self._next, self._wait = renderer, 0.0, GRACE
+        self._renderer, self._cancel = renderer, cancel
+        self._next, self._wait = 0.0, 0.0 if cancel else GRACE
 
     def look(self, progress: Progress) -> None:
         """Send a preview if the last one is old enough."""
         if progress.stage != "rendering":
             return
-        if self._next and self._renderer.outdated():  # the first frame is always sent: the user sees it while dragging
+        if (self._cancel or self._next) and self._renderer.outdated():
             raise _OutdatedError
         if time.perf_counter() >= self._next and self.whole():
             self._renderer.send_preview(self.image(MAX_SIDE), float(self.samples.mean()))

@@ -25,7 +25,8 @@ def live(scene: AnyScene, *, size: tuple[int, int] | None = None, spp: int = 64)
     scene : Scene, str, Path or dict
         A loaded scene, a scene file, or its content.
     size : (width, height), pixels, optional
-        Size of the image; default: the scene's, reduced so that its longer side has at most 256 pixels.
+        Size of the image while the scene moves; default: the scene's, reduced so that its longer side has at most 256
+        pixels. At rest, the image has a multiple of this size: a pixel for each of the screen.
     spp : int
         Samples per pixel of the final image, after the last change.
 

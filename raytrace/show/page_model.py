@@ -12,9 +12,10 @@ from raytrace.limits import MAX_SPP
 from raytrace.records import Scene
 from raytrace.rendering.rendering import within
 from raytrace.show.background_renderer import BackgroundRenderer, EncodedImage
+from raytrace.show.hidden_backs import HiddenBacks
 from raytrace.show.orbit import elevation_limits
 from raytrace.show.prepared_scene import PreparedScene
-from raytrace.show.scene_edits import SceneEdits, edited, indices_of_refraction, number_of_lights
+from raytrace.show.scene_edits import MAX_SCALE, SceneEdits, edited, indices_of_refraction, number_of_lights
 
 
 class Message(NamedTuple):
@@ -51,6 +52,7 @@ class PageModel:
     def __init__(self, prepared: PreparedScene, spp: int) -> None:
         scene = prepared.scene
         self._prepared, self._own = prepared, indices_of_refraction(scene)
+        self._backs = HiddenBacks(scene, prepared.compiled.bvh)
         self.state: dict[str, Any] = SceneEdits(ior=self._own, spp=spp)._asdict() | {
             "turn": 0,  # number of changes that a page has sent
             "size": list(prepared.settings.size),
@@ -62,11 +64,11 @@ class PageModel:
         self._newest: dict[str, Message] = {}  # by kind: older ones are not worth sending
         self._count, self._rendered_turn = 0, 0
         self._changed = threading.Condition()
-        self._renderer = BackgroundRenderer(self._begin, self._send_frame, self._send_error)
+        self._renderer = BackgroundRenderer(self._begin, self._send_frame, self._send_error, prepared.settings.size)
 
     def scene(self) -> Scene:
         """Return the scene as displayed."""
-        return edited(self._prepared, SceneEdits(*(self.state[name] for name in SceneEdits._fields)))
+        return edited(self._prepared, SceneEdits(*(self.state[name] for name in SceneEdits._fields)), self._backs)
 
     def change(self, values: dict[str, Any]) -> None:
         """Set values, and render the scene anew.
@@ -111,6 +113,8 @@ class PageModel:
             return self._own | {material: float(index) for material, index in value.items()}
         if name == "spp":
             return within("spp", value, 1, MAX_SPP)
+        if name == "scale":
+            return within("scale", value, 1, MAX_SCALE)
         if name == "turn":
             return within("turn", value, 0, 2**53)
         first = SceneEdits._field_defaults.get(name)

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.accel.bvh import BVH
 from raytrace.accel.lanes import PACKET
 from raytrace.errors import printable
 from raytrace.passes.sampling import make_sampler
@@ -100,8 +101,8 @@ class _Recorder(Wavefront):
         """Components x, y and z of the first ray."""
         return field.reshape(3, -1)[:, 0].copy()
 
-    def _closest(self, batch: Batch, origins: Columns, count: int) -> None:
-        super()._closest(batch, origins, count)
+    def _closest(self, batch: Batch, origins: Columns, count: int, bvh: BVH) -> None:
+        super()._closest(batch, origins, count, bvh)
         o = origins.data[origins.start + origins.axis * np.arange(3)]
         self.sent.append(TracedRay(o, self.first(batch.d), *(column[0] for column in batch.hits)))
 

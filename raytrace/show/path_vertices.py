@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytrace.accel.bvh import BVH
 from raytrace.accel.lanes import PACKET, packet_width
 from raytrace.passes import environment, lights, paths
 from raytrace.passes.path_records import Paths
@@ -67,8 +68,8 @@ class _PathRecorder(PathWavefront):
         self.radiance[:] = 0
         return before
 
-    def _closest(self, here: Paths, origins: Columns, n: int) -> None:
-        super()._closest(here, origins, n)
+    def _closest(self, here: Paths, origins: Columns, n: int, bvh: BVH) -> None:
+        super()._closest(here, origins, n, bvh)
         o = origins.data[origins.start + origins.axis * np.arange(3)]
         ray = TracedRay(o, self.first(here.rays.d), *(column[0] for column in here.rays.hits))
         self.met.append(_Vertex(ray, self.first(here.throughput), float(here.pdf[0]), int(here.state[0]), BLACK))

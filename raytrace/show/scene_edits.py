@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from raytrace.records import DIELECTRIC, PLASTIC, REFRACTIVE, ROUGH_DIELECTRIC, Lights, Scene
 from raytrace.rendering.compiled_scene import recompiled, set_compiled
+from raytrace.show.hidden_backs import HiddenBacks
 from raytrace.show.orbit import orbited
 from raytrace.show.prepared_scene import PreparedScene
 
+MAX_SCALE = 32
 INDEXED = REFRACTIVE, DIELECTRIC, ROUGH_DIELECTRIC, PLASTIC  # materials with one index of refraction
 
 
@@ -24,6 +26,8 @@ class SceneEdits(NamedTuple):
     power: float = 1.0  # factor for all lights
     ior: Mapping[str, float] = {}  # indices of refraction, by name of the material
     spp: int = 64
+    hide_backs: bool = False  # whether one-sided walls that the camera sees from behind are hidden from it
+    scale: int = 1  # pixels of the image at rest for each pixel of the moving one, along a side
 
 
 def indices_of_refraction(scene: Scene) -> dict[str, float]:
@@ -33,21 +37,27 @@ def indices_of_refraction(scene: Scene) -> dict[str, float]:
     return {materials.name[row]: float(materials.ior[row]) for row in rows}
 
 
-def edited(prepared: PreparedScene, edits: SceneEdits) -> Scene:
+def edited(prepared: PreparedScene, edits: SceneEdits, backs: HiddenBacks | None = None) -> Scene:
     """The scene with these edits, and with size, samples and precision as settings; its hash is empty."""
     scene = prepared.scene
     ior = scene.materials.ior.copy()
     for name, value in edits.ior.items():
         ior[scene.materials.name.index(name)] = value
+    width, height = prepared.settings.size
+    size = edits.scale * width, edits.scale * height
     new = replace(
         scene,
         camera=orbited(scene.camera, edits.azimuth, edits.elevation, edits.distance),
         lights=_brighter(scene.lights, edits.power),
         materials=scene.materials._replace(ior=ior, emission=_brighter_lamps(scene, edits.power)),
-        settings=prepared.settings._replace(spp=edits.spp, precision=prepared.compiled.bvh.precision),
+        settings=prepared.settings._replace(size=size, spp=edits.spp, precision=prepared.compiled.bvh.precision),
     )
     vars(new)["sha256"] = ""  # the hash of a large mesh takes longer than a frame
-    set_compiled(new, recompiled(prepared.compiled, new))
+    compiled = recompiled(prepared.compiled, new)
+    if edits.hide_backs:
+        backs = backs or HiddenBacks(scene, compiled.bvh)
+        compiled = compiled._replace(camera_bvh=backs.tree(new.camera))
+    set_compiled(new, compiled)
     return new
 
 

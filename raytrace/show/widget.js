@@ -8,6 +8,7 @@ const CLICK = 4; // pixels: a shorter drag is a click
 const AHEAD = 2; // requests in flight: one image is rendered while the other is sent and displayed
 const TIMEOUT = 2000; // ms after which a missing image is no longer waited for
 const LARGE = 512; // approximate size of the longer side of the canvas, CSS pixels
+const MOST = [32, 4096]; // limits of the scale at rest, and of the longer side of the image then
 const FRAMES = 16; // images during a drag over which the frame rate is averaged
 const PAUSE = 400; // ms without a new image after which a drag is over
 
@@ -66,6 +67,16 @@ function slider(controls, sender, { label, low, high, step, read, write, format 
   return () => {
     input.value = read();
     output.value = format();
+  };
+}
+
+function checkbox(controls, sender, { label, name }) {
+  const row = element("label", controls, { className: "check" });
+  const input = element("input", row, { type: "checkbox" });
+  element("span", row, { textContent: label });
+  input.onchange = () => sender.set({ [name]: input.checked });
+  return () => {
+    input.checked = sender.get(name);
   };
 }
 
@@ -132,6 +143,22 @@ function listen(canvas, sender, limits, choose) {
   };
 }
 
+// Asks for as many pixels at rest as the screen shows. No change of the scene: no turn.
+function follow(canvas, model, [width, height]) {
+  const resize = () => {
+    const most = Math.min(MOST[0], Math.floor(MOST[1] / Math.max(width, height)));
+    const wanted = Math.ceil((canvas.clientWidth * window.devicePixelRatio) / width - 0.01);
+    const scale = Math.max(Math.min(wanted, most), 1);
+    if (canvas.clientWidth === 0 || scale === model.get("scale")) return;
+    model.set({ scale });
+    model.save_changes();
+  };
+  const observer = new ResizeObserver(resize);
+  observer.observe(canvas);
+  resize();
+  return () => observer.disconnect();
+}
+
 function render({ model, el }) {
   const [width, height] = model.get("size");
   const scale = Math.max(Math.round(LARGE / Math.max(width, height)), 1);
@@ -146,6 +173,7 @@ function render({ model, el }) {
 
   const sender = new ChangeSender(model);
   const shown = sliders(controls, sender, model);
+  shown.push(checkbox(controls, sender, { label: "hide walls seen from behind", name: "hide_backs" }));
   const reset = element("button", controls, { textContent: "Reset" });
   const status = element("div", controls, { className: "status" });
   element("div", controls, { className: "note", textContent: "Drag to rotate, wheel to zoom, click a pixel to show its path." });
@@ -158,9 +186,10 @@ function render({ model, el }) {
     update();
   };
   listen(canvas, sender, model.get("elevation_limits"), (right, down) => {
-    const pixel = [Math.floor(right * width), Math.floor(down * height)];
-    mark.style.left = `${(100 * (pixel[0] + 0.5)) / width}%`;
-    mark.style.top = `${(100 * (pixel[1] + 0.5)) / height}%`;
+    const across = width * model.get("scale"), along = height * model.get("scale");
+    const pixel = [Math.floor(right * across), Math.floor(down * along)];
+    mark.style.left = `${(100 * (pixel[0] + 0.5)) / across}%`;
+    mark.style.top = `${(100 * (pixel[1] + 0.5)) / along}%`;
     mark.hidden = false;
     path.textContent = `tracing pixel (${pixel[0]}, ${pixel[1]}) ...`;
     model.send({ kind: "path", pixel });
@@ -169,12 +198,14 @@ function render({ model, el }) {
   const times = []; // ms: times of the last images during a drag
   const paint = async ({ type, samples, turn }, data) => {
     const bitmap = await createImageBitmap(new Blob([data], { type }));
+    if (canvas.width !== bitmap.width || canvas.height !== bitmap.height)
+      Object.assign(canvas, { width: bitmap.width, height: bitmap.height });
     canvas.getContext("2d").drawImage(bitmap, 0, 0);
     const now = performance.now(), moving = sender.moving();
     if (now - times.at(-1) > PAUSE) times.length = 0;
     if (moving) times.push(now);
     if (!moving || times.length === FRAMES) {
-      status.textContent = `${samples < 10 ? samples.toFixed(1) : Math.round(samples)} samples per pixel`;
+      status.textContent = `${samples < 10 ? samples.toFixed(1) : Math.round(samples)} samples per pixel, ${bitmap.width} × ${bitmap.height}`;
       if (moving) status.textContent += `, ${Math.round((1000 * (FRAMES - 1)) / (now - times[0]))} frames/s`;
       times.length = 0;
     }
@@ -191,13 +222,15 @@ function render({ model, el }) {
   const moved = () => {
     if (!mark.hidden) mark.hidden = true;
   };
-  const camera = "change:azimuth change:elevation change:distance", values = "change:power change:ior change:spp";
+  const camera = "change:azimuth change:elevation change:distance", values = "change:power change:ior change:spp change:hide_backs";
   model.on("msg:custom", receive);
   model.on(camera, moved);
   model.on(values, update);
   update();
+  const unfollow = follow(canvas, model, [width, height]);
   model.send({ kind: "render" });
   return () => {
+    unfollow();
     model.off("msg:custom", receive);
     model.off(camera, moved);
     model.off(values, update);

@@ -7,17 +7,18 @@ from pathlib import Path
 from typing import Any
 
 from anywidget import AnyWidget
-from traitlets import Dict, Float, Int, List, TraitError, Unicode, validate
+from traitlets import Bool, Dict, Float, Int, List, TraitError, Unicode, validate
 
 from raytrace.errors import RaytraceError
 from raytrace.limits import MAX_SPP
 from raytrace.records import Scene
 from raytrace.rendering.rendering import render
 from raytrace.show.background_renderer import BackgroundRenderer, EncodedImage
+from raytrace.show.hidden_backs import HiddenBacks
 from raytrace.show.orbit import elevation_limits
 from raytrace.show.path_drawing import path
 from raytrace.show.prepared_scene import PreparedScene
-from raytrace.show.scene_edits import SceneEdits, edited, indices_of_refraction, number_of_lights
+from raytrace.show.scene_edits import MAX_SCALE, SceneEdits, edited, indices_of_refraction, number_of_lights
 
 STILL_SPP = 16  # samples per pixel of the static image for front ends without widgets
 CLOSEST, FARTHEST = 0.05, 20.0  # limits of ``distance``
@@ -38,6 +39,11 @@ class Viewer(AnyWidget):
         Index of refraction by name of a refractive or dielectric material; materials that are not named keep theirs.
     spp : int
         Samples per pixel of the final image.
+    hide_backs : bool
+        Whether one-sided walls that the camera sees from behind are hidden from it. ``scene`` does not contain this.
+    scale : int
+        Pixels of the image at rest for each pixel of the image that moves, along a side. The browser sets it, so that
+        the image at rest has a pixel for each of the screen.
 
     Examples
     --------
@@ -56,6 +62,8 @@ class Viewer(AnyWidget):
     power = Float(1.0, min=0.0).tag(sync=True)
     ior = Dict().tag(sync=True)
     spp = Int(64, min=1, max=MAX_SPP).tag(sync=True)
+    hide_backs = Bool(False).tag(sync=True)
+    scale = Int(1, min=1, max=MAX_SCALE).tag(sync=True)
     turn = Int().tag(sync=True)  # number of changes that the browser has sent
     size = List(Int()).tag(sync=True)
     elevation_limits = List(Float()).tag(sync=True)  # smallest and largest elevation
@@ -66,7 +74,8 @@ class Viewer(AnyWidget):
     def __init__(self, prepared: PreparedScene, spp: int) -> None:
         scene = prepared.scene
         self._prepared, self._own = prepared, indices_of_refraction(scene)
-        self._renderer = BackgroundRenderer(self._begin, self._send_frame, self._send_error)
+        self._backs = HiddenBacks(scene, prepared.compiled.bvh)
+        self._renderer = BackgroundRenderer(self._begin, self._send_frame, self._send_error, prepared.settings.size)
         about = {
             "about": scene.about,
             "lights": number_of_lights(scene),
@@ -99,7 +108,7 @@ class Viewer(AnyWidget):
         return self._now()
 
     def _now(self) -> Scene:
-        return edited(self._prepared, SceneEdits(*(getattr(self, name) for name in SceneEdits._fields)))
+        return edited(self._prepared, SceneEdits(*(getattr(self, name) for name in SceneEdits._fields)), self._backs)
 
     def _receive(self, _viewer: Any, message: dict[str, Any], _buffers: Any) -> None:
         """Handle a message from the browser."""
