@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,105 +11,26 @@ from raytrace import memory
 from raytrace.accel import reorder
 from raytrace.accel.all_hits import all_crossings, all_hits
 from raytrace.accel.exact_crossing import decide
-from raytrace.accel.hit_work import MARKED, ON_SURFACE, PAIRS, USED, HitWork, make_hit_work
+from raytrace.accel.hit_work import MARKED, ON_SURFACE, PAIRS, USED, make_hit_work
 from raytrace.accel.inputs import Field, rays_of
 from raytrace.accel.lanes import PACKET
 from raytrace.accel.line_order import lines_in_order
+from raytrace.accel.sort_hits import HitColumns, place_hits, sort_hits
 from raytrace.accel.undecided import decide_pairs
 from raytrace.errors import MemoryLimitError
-from raytrace.jit import inlined, kernel
 from raytrace.parallel import MAX_RANGE, share_out
 from raytrace.records import AllHits, WatertightLeaves
 
 if TYPE_CHECKING:
     from raytrace.accel.ray_queries import RayQueries
 
-FEW = 24  # hits of a ray up to which insertion sorts them fastest
 FIRST_HITS, FIRST_PAIRS = 4.0, 0.125  # per ray: memory for the first rays
 MARGIN = 1.25  # more memory than the rays so far have needed
 HIT = 28  # most bytes of a hit
 UNCHECKED = 1 << 26  # bytes of hits for which the free memory is not looked up
 KEPT = 0.3  # share of the free memory that the hits of one range may take before they are sorted
-
-
-class HitColumns(NamedTuple):
-    """Hits of a range of rays, sorted by ray, t and prim_id."""
-
-    t: NDArray[np.floating]
-    prim_id: NDArray[np.int32]
-    u: NDArray[np.floating]
-    v: NDArray[np.floating]
-
-
-@inlined
-def exchange(hits: HitColumns, i: int, k: int):
-    """Exchange two hits."""
-    hits.t[i], hits.t[k] = hits.t[k], hits.t[i]
-    hits.prim_id[i], hits.prim_id[k] = hits.prim_id[k], hits.prim_id[i]
-    hits.u[i], hits.u[k] = hits.u[k], hits.u[i]
-    hits.v[i], hits.v[k] = hits.v[k], hits.v[i]
-
-
-@inlined
-def before(hits: HitColumns, i: int, k: int):
-    """Whether hit i comes before hit k."""
-    return hits.t[i] < hits.t[k] or (hits.t[i] == hits.t[k] and hits.prim_id[i] < hits.prim_id[k])
-
-
-@inlined
-def sort_few(hits: HitColumns, begin: int, end: int):
-    """Sort hits by insertion."""
-    for i in range(begin + 1, end):
-        k = i
-        while k > begin and before(hits, k, k - 1):
-            exchange(hits, k, k - 1)
-            k -= 1
-
-
-@inlined
-def sink(hits: HitColumns, begin: int, root: int, size: int):
-    """Move a hit down a heap, whose last hit by order is its root."""
-    child = 2 * root + 1
-    while child < size:
-        if child + 1 < size and before(hits, begin + child, begin + child + 1):
-            child += 1
-        if before(hits, begin + child, begin + root):
-            return
-        exchange(hits, begin + root, begin + child)
-        root, child = child, 2 * child + 1
-
-
-@inlined
-def sort_many(hits: HitColumns, begin: int, end: int):
-    """Sort hits by a heap."""
-    size = end - begin
-    for root in range(size // 2 - 1, -1, -1):
-        sink(hits, begin, root, size)
-    for last in range(size - 1, 0, -1):
-        exchange(hits, begin, begin + last)
-        sink(hits, begin, 0, last)
-
-
-@kernel
-def sort_hits(work: HitWork, found: int, numbers, ends, hits: HitColumns):
-    """Write hits in the order of rays, t and prim_id.
-
-    ``numbers`` are those of the rays as they were traced. ``ends`` is where the hits of each ray begin, and afterwards
-    where they end.
-    """
-    for i in range(found):
-        ray = numbers[work.hit_ray[i]]
-        at = ends[ray]
-        ends[ray] = at + 1
-        hits.t[at], hits.prim_id[at] = work.hit_t[i], work.hit_prim[i]
-        hits.u[at], hits.v[at] = work.hit_u[i], work.hit_v[i]
-    begin = 0
-    for end in ends:
-        if end - begin > FEW:
-            sort_many(hits, begin, end)
-        else:
-            sort_few(hits, begin, end)
-        begin = end
+MANY, DENSE = 1 << 23, 4096  # hits of rays, and of each on average, from which fewer rays are traced at a time
+TOGETHER = 1 << 20  # hits that are sorted without a break, so that Ctrl-C takes effect soon
 
 
 class HitTracer:
@@ -120,6 +41,7 @@ class HitTracer:
         leaves = WatertightLeaves(*bvh.tree.leaves) if crossings else bvh.tree.leaves  # the same memory in every tree
         self._tree = bvh.tree._replace(leaves=leaves)
         self.dtype, self._rows, self._surface = bvh.triangles.dtype, min(MAX_RANGE, n), surface
+        self.halted = False  # whether an error or Ctrl-C has ended the query
         self.divided = bvh.divided  # whether a triangle may be hit in several leaves
         self._unused: list[_Scratch] = []
         self._hits, self._pairs = FIRST_HITS, FIRST_PAIRS  # per ray, for which there is memory before they are traced
@@ -163,7 +85,14 @@ class HitTracer:
         """Return the hits of the last rays, sorted, each once; correct their counts, which are in the order given."""
         t, u, v = np.empty((3, found), self.dtype)
         hits, numbers = HitColumns(t, np.empty(found, np.int32), u, v), counts & (MARKED - 1)
-        sort_hits(scratch.hits, found, scratch.numbers, np.cumsum(numbers, dtype=np.int64) - numbers, hits)
+        ends = np.cumsum(numbers, dtype=np.int64) - numbers
+        place_hits(scratch.hits, found, scratch.numbers, ends, hits)
+        begin = 0
+        while begin < len(ends) and not self.halted:
+            at = ends[begin - 1] if begin else 0
+            last = max(int(np.searchsorted(ends, at + TOGETHER, "right")), begin + 1)
+            sort_hits(int(at), ends[begin:last], hits)
+            begin = last
         if not self.divided:
             return hits
         from raytrace.accel.unite import unite  # few trees need it
@@ -215,36 +144,59 @@ def count_all(tracer: HitTracer, n: int, threads: int | None) -> NDArray[np.int3
     return counts
 
 
+def crowded(found: int, rays: int) -> bool:
+    """Whether rays have so many hits that fewer are traced at a time, so that Ctrl-C takes effect soon."""
+    return rays > 1 and found > MANY and found > DENSE * rays
+
+
 def list_all(tracer: HitTracer, n: int, threads: int | None) -> AllHits:
     """Find the hits of n rays.
 
     Raises
     ------
     MemoryLimitError
-        There are too many; the message has their number.
+        There are too many; the message has the number that was found until then.
     """
-    start, lists = np.zeros(n + 1, np.int64), _Lists()
+    start, lists = np.zeros(n + 1, np.int64), _Lists(n, tracer)
 
     def trace(begin: int, end: int) -> None:
         scratch = tracer.take()
-        found = tracer.trace(begin, end, scratch, lists.room)
-        counts = scratch.ordered[: end - begin]
-        if lists.add(found):
+        rays = end - begin
+
+        def room(found: int, certain: bool) -> int:
+            return 0 if crowded(found, rays) else lists.room(found, certain)
+
+        try:
+            found = tracer.trace(begin, end, scratch, room)
+            if crowded(found, rays):
+                lists.look_ahead(found, rays, end, scratch)
+                tracer.give(scratch)
+                step = rays * MANY // found or 1
+                for first in range(begin, end, step):
+                    if not tracer.halted:
+                        trace(first, min(first + step, end))
+                return
+            counts = scratch.ordered[:rays]
+            lists.add(found, rays)
             lists.parts[begin] = tracer.sorted_hits(scratch, found, counts)
+        except BaseException:
+            tracer.halted = True
+            raise
         start[begin + 1 : end + 1] = counts
         tracer.give(scratch)
 
     share_out(trace, n, threads)
     np.cumsum(start, out=start)
-    return AllHits(*lists.joined(int(start[n]), tracer.dtype), start)
+    return AllHits(*lists.joined(int(start[n])), start)
 
 
 class _Lists:
     """The hits of all ranges of rays, as long as there is memory for them."""
 
-    def __init__(self) -> None:
+    def __init__(self, n: int, tracer: HitTracer) -> None:
         self.parts: dict[int, HitColumns] = {}  # by first ray
-        self.full, self._taken, self._turn = False, 0, threading.Lock()
+        self._n, self._tracer, self._dtype, self._ahead = n, tracer, tracer.dtype, False
+        self._full, self._found, self._rays, self._turn = False, 0, 0, threading.Lock()
 
     def room(self, found: int, certain: bool) -> int:
         """Return for how many hits of a range there must be memory: all, or none if there is not enough.
@@ -252,31 +204,53 @@ class _Lists:
         If it is not certain that there are so many, too little memory is no reason to give up.
         """
         much = found * HIT > UNCHECKED and found * HIT > memory.free() * KEPT
-        self.full = self.full or (much and certain)
-        return 0 if much or self.full else found
+        self._full = self._full or (much and certain)
+        return 0 if much or self._full else found
 
-    def add(self, found: int) -> bool:
-        """Note hits of a range; return whether they can be kept."""
+    def look_ahead(self, found: int, rays: int, end: int, scratch: _Scratch) -> None:
+        """Raise an error if rays with many hits, and those from ``end`` on, have more than there is memory for.
+
+        To count hits takes a thirtieth of the time to list them.
+        """
+        if self._ahead:
+            return
+        self._ahead, most = True, memory.free() / HIT
+        total, first = found, end
+        while total <= most and first < self._n:
+            last = min(first + rays, self._n)
+            total += self._tracer.trace(first, last, scratch, lambda _found, _certain: 0)
+            first = last
+        if total > most:
+            self._full = True
+            self.add(total, first - end + rays)
+
+    def add(self, found: int, rays: int) -> None:
+        """Note hits of a range of rays; raise an error if they cannot be kept."""
         with self._turn:
-            self._taken += found * HIT
-            if not self.full and self._taken > UNCHECKED:
-                self.full = found * HIT + self._taken > memory.free()
-            if self.full:
+            self._found += found
+            self._rays += rays
+            if not self._full and self._found * HIT > UNCHECKED:
+                self._full = found * HIT + self._found * HIT > memory.free()
+            if self._full:
                 self.parts.clear()
-            return not self.full
+                self._refuse()
 
-    def joined(self, found: int, dtype: np.dtype) -> HitColumns:
+    def _refuse(self) -> None:
+        """Raise the error that there are too many hits."""
+        at_most = "at most " * self._tracer.divided  # a hit counts once per leaf that holds a part of its triangle
+        needed = (3 * self._dtype.itemsize + 4) * self._found / max(self._rays, 1) * self._n
+        raise MemoryLimitError(
+            f"memory: {self._rays:,} of {self._n:,} rays have {at_most}{self._found:,} hits; those of all take about "
+            f"{memory.size(needed)}, and as much again while they are joined, but {memory.size(memory.free())} are "
+            f"free; pass fewer rays at a time, or a smaller tmax"
+        )
+
+    def joined(self, found: int) -> HitColumns:
         """Return all hits, as one."""
-        if self.full:
-            needed = memory.size(float(found * (3 * dtype.itemsize + 4)))
-            raise MemoryLimitError(
-                f"memory: {found:,} hits take {needed}, and as much again while they are joined, but "
-                f"{memory.size(memory.free())} are free; pass fewer rays at a time, or a smaller tmax"
-            )
         parts = [self.parts[begin] for begin in sorted(self.parts)]
         if len(parts) == 1:
             return parts[0]
-        t, u, v = np.empty((3, found), dtype)
+        t, u, v = np.empty((3, found), self._dtype)
         hits, at = HitColumns(t, np.empty(found, np.int32), u, v), 0
         for part in parts:
             for whole, column in zip(hits, part, strict=True):
