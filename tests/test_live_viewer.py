@@ -57,6 +57,7 @@ def test_turning_a_knob_draws_the_picture(viewer):
     viewer.power = 2.0
     until(lambda: viewer.sent and viewer.sent[-1][0]["type"] == "image/png")
     content, (data,) = viewer.sent[-1]
+    assert len(content.pop("handles")) == 1  # of the light
     assert content == {"kind": "frame", "type": "image/png", "samples": 4, "turn": 0}
     np.testing.assert_array_equal(pixels(data), srgb8(rt.render(viewer.scene).rgb))
 

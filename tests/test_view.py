@@ -183,6 +183,8 @@ def test_a_new_page_gets_no_messages_of_an_older_one(server):
         {"spp": "4"},
         {"turn": -1},
         {"scale": 0},
+        {"light_positions": [[0, 1]]},
+        {"light_positions": [[0, 1, float("inf")]]},
         {"distance": 0},
         {"power": -1},
         {"azimuth": float("nan")},

@@ -131,10 +131,15 @@ def compile_scene(
 
 
 def recompiled(compiled: CompiledScene, scene: Scene) -> CompiledScene:
-    """Return the same trees for a scene that differs only in its camera, its fluxes or its materials' numbers."""
+    """Return the same trees for a scene that differs only in its camera, its point lights or its materials' numbers."""
     dtype = compiled.light_flux.dtype
     shading = compiled.shading._replace(materials=_material_table(scene, dtype))
-    return compiled._replace(shading=shading, light_flux=scene.lights.flux.astype(dtype))
+    compiled = compiled._replace(shading=shading, light_flux=scene.lights.flux.astype(dtype))
+    positions = scene.lights.position.astype(dtype)
+    if np.array_equal(positions, compiled.light_position):
+        return compiled
+    shadow_bvhs = _shadow_bvhs(scene, compiled.bvh, positions)  # a light may leave a triangle, or lie on another one
+    return compiled._replace(light_position=positions, shadow_bvhs=shadow_bvhs)
 
 
 def _material_table(scene: Scene, dtype: np.dtype) -> NDArray[np.floating]:

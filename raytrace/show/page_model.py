@@ -13,6 +13,7 @@ from raytrace.records import Scene
 from raytrace.rendering.rendering import within
 from raytrace.show.background_renderer import BackgroundRenderer, EncodedImage
 from raytrace.show.hidden_backs import HiddenBacks
+from raytrace.show.light_handles import check_positions, light_handles, positions_of
 from raytrace.show.orbit import elevation_limits
 from raytrace.show.prepared_scene import PreparedScene
 from raytrace.show.scene_edits import MAX_SCALE, SceneEdits, edited, indices_of_refraction, number_of_lights
@@ -53,12 +54,14 @@ class PageModel:
         scene = prepared.scene
         self._prepared, self._own = prepared, indices_of_refraction(scene)
         self._backs = HiddenBacks(scene, prepared.compiled.bvh)
-        self.state: dict[str, Any] = SceneEdits(ior=self._own, spp=spp)._asdict() | {
+        self._lights = positions_of(scene.lights).tolist()
+        self.state: dict[str, Any] = SceneEdits(ior=self._own, spp=spp, light_positions=self._lights)._asdict() | {
             "turn": 0,  # number of changes that a page has sent
             "size": list(prepared.settings.size),
             "elevation_limits": list(elevation_limits(scene.camera)),
             "lights": number_of_lights(scene),
             "first_ior": self._own,
+            "first_light_positions": self._lights,
             "about": scene.about,
         }
         self._newest: dict[str, Message] = {}  # by kind: older ones are not worth sending
@@ -111,6 +114,8 @@ class PageModel:
                 if material not in self._own or not _number(index) > 0:
                     raise OptionError(f"ior: {material}: expected an index above 0 of one of {', '.join(self._own)}")
             return self._own | {material: float(index) for material, index in value.items()}
+        if name == "light_positions":
+            return check_positions(value, self._lights)
         if name == "spp":
             return within("spp", value, 1, MAX_SPP)
         if name == "scale":
@@ -128,10 +133,12 @@ class PageModel:
     def _begin(self) -> Scene:
         """The scene to render, at the start of a render."""
         self._rendered_turn = self.state["turn"]
-        return self.scene()
+        scene = self.scene()
+        self._handles = light_handles(scene)
+        return scene
 
     def _send_frame(self, frame: EncodedImage) -> None:
-        about = {"type": frame.kind, "samples": frame.samples, "turn": self._rendered_turn}
+        about = {"type": frame.kind, "samples": frame.samples, "turn": self._rendered_turn, "handles": self._handles}
         self._send({"kind": "frame", **about}, frame.data)
 
     def _send_error(self, error: Exception) -> None:

@@ -17,6 +17,7 @@ MIN_MARGIN = 0.12  # smallest margin, relative to the extent of the scene
 ARCS = 4  # angles are drawn at this many interfaces
 LABEL_BOX = {"boxstyle": "round,pad=0.05", "facecolor": "white", "edgecolor": "none"}
 WIDE = 0.9  # cosine: an angle wider than this has room for its label
+LABEL = np.array([0.26, 0.12])  # width and height of the label of an angle, in half heights of the axes
 ARC = 0.16  # radius of an arc, in half heights of the axes
 
 
@@ -88,8 +89,9 @@ def draw_section(prepared: PreparedScene, steps: Steps, axes: Any) -> None:
     middle, half = (low + high) / 2, (high - low).max() / 2 + margin
     _scene(axes, cut(mesh, plane))
     draw_path(axes, steps, plane.project, half)
+    labels: list[NDArray[np.float64]] = []  # centres of the labels so far
     for step in bent[:ARCS]:
-        _angles(axes, step, plane, ARC * half)
+        _angles(axes, step, plane, ARC * half, labels)
     axes.set(
         xlim=(middle[0] - 1.6 * half, middle[0] + 1.6 * half), ylim=(middle[1] - half, middle[1] + half), aspect="equal"
     )
@@ -105,7 +107,7 @@ def _scene(axes: Any, lines: NDArray[np.float64]) -> None:
     axes.add_collection(LineCollection(list(lines), colors="#808080", linewidths=1.6, zorder=1))
 
 
-def _angles(axes: Any, step: Step, plane: Plane, radius: float) -> None:
+def _angles(axes: Any, step: Step, plane: Plane, radius: float, labels: list[NDArray[np.float64]]) -> None:
     """Draw the normal on both sides, and arcs from it to the incoming and the outgoing ray."""
     from matplotlib.patches import Arc
 
@@ -125,8 +127,22 @@ def _angles(axes: Any, step: Step, plane: Plane, radius: float) -> None:
         axes.add_patch(
             Arc((at[0], at[1]), 2 * radius, 2 * radius, theta1=ends[0], theta2=ends[1], linewidth=1.4, zorder=6)
         )
+        place = _free_place(at, radius * _beside(normal, ray), LABEL * radius / ARC, labels)
         style = {"ha": "center", "va": "center", "fontsize": 12, "zorder": 9, "annotation_clip": True}
-        axes.annotate(f"{angle:.1f}\N{DEGREE SIGN}", at + radius * _beside(normal, ray), bbox=LABEL_BOX, **style)
+        axes.annotate(f"{angle:.1f}\N{DEGREE SIGN}", place, bbox=LABEL_BOX, **style)
+
+
+def _free_place(
+    at: NDArray[np.float64], offset: NDArray[np.float64], size: NDArray[np.float64], labels: list[NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """Return the centre of a label, pushed away from a point until it overlaps no earlier one; it is added to them."""
+    place = at + offset
+    for push in np.arange(1.0, 4.0, 0.2):
+        place = at + push * offset
+        if all((np.abs(place - other) >= size).any() for other in labels):
+            break
+    labels.append(place)
+    return place
 
 
 def _beside(normal: NDArray[np.float64], ray: NDArray[np.float64]) -> NDArray[np.float64]:

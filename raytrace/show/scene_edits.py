@@ -1,6 +1,6 @@
 """Edits of a scene in the viewer, and the edited scene, which reuses the trees."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from raytrace.records import DIELECTRIC, PLASTIC, REFRACTIVE, ROUGH_DIELECTRIC, Lights, Scene
 from raytrace.rendering.compiled_scene import recompiled, set_compiled
 from raytrace.show.hidden_backs import HiddenBacks
+from raytrace.show.light_handles import moved_lights
 from raytrace.show.orbit import orbited
 from raytrace.show.prepared_scene import PreparedScene
 
@@ -26,6 +27,7 @@ class SceneEdits(NamedTuple):
     power: float = 1.0  # factor for all lights
     ior: Mapping[str, float] = {}  # indices of refraction, by name of the material
     spp: int = 64
+    light_positions: Sequence[Sequence[float]] = ()  # of point lights, then of spot lights; empty: as in the scene
     hide_backs: bool = False  # whether one-sided walls that the camera sees from behind are hidden from it
     scale: int = 1  # pixels of the image at rest for each pixel of the moving one, along a side
 
@@ -48,7 +50,7 @@ def edited(prepared: PreparedScene, edits: SceneEdits, backs: HiddenBacks | None
     new = replace(
         scene,
         camera=orbited(scene.camera, edits.azimuth, edits.elevation, edits.distance),
-        lights=_brighter(scene.lights, edits.power),
+        lights=moved_lights(_brighter(scene.lights, edits.power), edits.light_positions),
         materials=scene.materials._replace(ior=ior, emission=_brighter_lamps(scene, edits.power)),
         settings=prepared.settings._replace(size=size, spp=edits.spp, precision=prepared.compiled.bvh.precision),
     )

@@ -143,6 +143,45 @@ function listen(canvas, sender, limits, choose) {
   };
 }
 
+// Handles of lights on the image. Dragging one moves its light in a plane that is parallel to the image.
+function lightHandles(view, canvas, sender, code) {
+  const first = sender.model.get("light_positions");
+  const made = first.map((_, k) => {
+    const handle = element("div", view, { className: "light", hidden: true, title: `light ${k + 1}: drag to move it` });
+    handle.onpointerdown = (event) => handle.setPointerCapture(event.pointerId);
+    handle.onpointermove = (event) => {
+      if (!handle.hasPointerCapture(event.pointerId)) return;
+      const box = canvas.getBoundingClientRect(), { at, right, down } = handle.place;
+      const x = (event.clientX - box.left) / box.width, y = (event.clientY - box.top) / box.height;
+      const from = handle.from[k].map((value, axis) => value + (x - at[0]) * right[axis] + (y - at[1]) * down[axis]);
+      const positions = sender.get("light_positions").map((position, j) => (j === k ? from : position));
+      put(handle, [x, y]);
+      sender.set({ light_positions: positions });
+    };
+    return handle;
+  });
+  const put = (handle, [x, y]) => Object.assign(handle.style, { left: `${100 * x}%`, top: `${100 * y}%` });
+  const held = (handle) => handle.matches(":active");
+  return {
+    place(handles) {
+      if (sender.moving() || made.some(held)) return; // the positions of older images
+      made.forEach((handle, k) => {
+        const { at } = handles[k];
+        handle.hidden = at === null || Math.min(...at) < 0 || Math.max(...at) > 1;
+        Object.assign(handle, { place: handles[k], from: sender.get("light_positions") });
+        if (!handle.hidden) put(handle, at);
+      });
+    },
+    show() {
+      const number = (value) => Number(value.toPrecision(5));
+      const changed = sender.get("light_positions").flatMap((position, k) =>
+        position.every((value, axis) => value === sender.model.get("first_light_positions")[k][axis])
+          ? [] : [`light ${k + 1}: "position": [${position.map(number).join(", ")}]`]);
+      code.textContent = changed.join("\n");
+    },
+  };
+}
+
 // Asks for as many pixels at rest as the screen shows. No change of the scene: no turn.
 function follow(canvas, model, [width, height]) {
   const resize = () => {
@@ -180,7 +219,12 @@ function render({ model, el }) {
   const update = () => {
     if (sender.changes === null) shown.forEach((show) => show());
   };
-  const first = { azimuth: 0, elevation: 0, distance: 1, power: 1, ior: model.get("first_ior") };
+  const lights = lightHandles(view, canvas, sender, element("code", controls, { className: "changes" }));
+  shown.push(lights.show);
+  const first = {
+    azimuth: 0, elevation: 0, distance: 1, power: 1, ior: model.get("first_ior"),
+    light_positions: model.get("first_light_positions"),
+  };
   reset.onclick = () => {
     sender.set(first);
     update();
@@ -196,7 +240,7 @@ function render({ model, el }) {
   });
 
   const times = []; // ms: times of the last images during a drag
-  const paint = async ({ type, samples, turn }, data) => {
+  const paint = async ({ type, samples, turn, handles }, data) => {
     const bitmap = await createImageBitmap(new Blob([data], { type }));
     if (canvas.width !== bitmap.width || canvas.height !== bitmap.height)
       Object.assign(canvas, { width: bitmap.width, height: bitmap.height });
@@ -212,6 +256,8 @@ function render({ model, el }) {
     canvas.dataset.frames = Number(canvas.dataset.frames ?? 0) + (turn > sender.shown); // images that answer a change
     Object.assign(canvas.dataset, { samples, turn, type });
     sender.arrived(turn);
+    lights.place(handles);
+    update();
   };
   let last = Promise.resolve(); // images are painted in the order of their arrival
   const receive = (message, buffers) => {
@@ -222,7 +268,7 @@ function render({ model, el }) {
   const moved = () => {
     if (!mark.hidden) mark.hidden = true;
   };
-  const camera = "change:azimuth change:elevation change:distance", values = "change:power change:ior change:spp change:hide_backs";
+  const camera = "change:azimuth change:elevation change:distance", values = "change:power change:ior change:spp change:hide_backs change:light_positions";
   model.on("msg:custom", receive);
   model.on(camera, moved);
   model.on(values, update);

@@ -15,6 +15,7 @@ from raytrace.records import Scene
 from raytrace.rendering.rendering import render
 from raytrace.show.background_renderer import BackgroundRenderer, EncodedImage
 from raytrace.show.hidden_backs import HiddenBacks
+from raytrace.show.light_handles import check_positions, light_handles, positions_of
 from raytrace.show.orbit import elevation_limits
 from raytrace.show.path_drawing import path
 from raytrace.show.prepared_scene import PreparedScene
@@ -39,6 +40,8 @@ class Viewer(AnyWidget):
         Index of refraction by name of a refractive or dielectric material; materials that are not named keep theirs.
     spp : int
         Samples per pixel of the final image.
+    light_positions : list of [x, y, z], world units
+        Positions of the point lights, then of the spot lights, in the order of the scene.
     hide_backs : bool
         Whether one-sided walls that the camera sees from behind are hidden from it. ``scene`` does not contain this.
     scale : int
@@ -62,6 +65,7 @@ class Viewer(AnyWidget):
     power = Float(1.0, min=0.0).tag(sync=True)
     ior = Dict().tag(sync=True)
     spp = Int(64, min=1, max=MAX_SPP).tag(sync=True)
+    light_positions = List(List(Float())).tag(sync=True)
     hide_backs = Bool(False).tag(sync=True)
     scale = Int(1, min=1, max=MAX_SCALE).tag(sync=True)
     turn = Int().tag(sync=True)  # number of changes that the browser has sent
@@ -69,6 +73,7 @@ class Viewer(AnyWidget):
     elevation_limits = List(Float()).tag(sync=True)  # smallest and largest elevation
     lights = Int().tag(sync=True)
     first_ior = Dict().tag(sync=True)
+    first_light_positions = List(List(Float())).tag(sync=True)
     about = Unicode().tag(sync=True)
 
     def __init__(self, prepared: PreparedScene, spp: int) -> None:
@@ -76,7 +81,10 @@ class Viewer(AnyWidget):
         self._prepared, self._own = prepared, indices_of_refraction(scene)
         self._backs = HiddenBacks(scene, prepared.compiled.bvh)
         self._renderer = BackgroundRenderer(self._begin, self._send_frame, self._send_error, prepared.settings.size)
+        self._lights = positions_of(scene.lights).tolist()
         about = {
+            "light_positions": self._lights,
+            "first_light_positions": self._lights,
             "about": scene.about,
             "lights": number_of_lights(scene),
             "elevation_limits": elevation_limits(scene.camera),
@@ -97,6 +105,14 @@ class Viewer(AnyWidget):
                 raise TraitError(f"ior: {name}: expected a number above 0, got {value!r}")
         return self._own | proposal["value"]
 
+    @validate("light_positions")
+    def _check_lights(self, proposal: Any) -> list[list[float]]:
+        """Check that each light has a position."""
+        try:
+            return check_positions(proposal["value"], self._lights)
+        except RaytraceError as error:
+            raise TraitError(str(error)) from None
+
     @property
     def scene(self) -> Scene:
         """The scene as displayed, with size and samples: ``rt.render(viewer.scene)`` renders it."""
@@ -105,7 +121,9 @@ class Viewer(AnyWidget):
     def _begin(self) -> Scene:
         """The scene to render, at the start of a render."""
         self._rendered_turn = self.turn
-        return self._now()
+        scene = self._now()
+        self._handles = light_handles(scene)
+        return scene
 
     def _now(self) -> Scene:
         return edited(self._prepared, SceneEdits(*(getattr(self, name) for name in SceneEdits._fields)), self._backs)
@@ -124,7 +142,7 @@ class Viewer(AnyWidget):
                 raise
 
     def _send_frame(self, frame: EncodedImage) -> None:
-        about = {"type": frame.kind, "samples": frame.samples, "turn": self._rendered_turn}
+        about = {"type": frame.kind, "samples": frame.samples, "turn": self._rendered_turn, "handles": self._handles}
         self.send({"kind": "frame", **about}, [frame.data])
 
     def _send_error(self, error: Exception) -> None:
