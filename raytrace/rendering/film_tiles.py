@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.accel.lanes import PACKET
-from raytrace.parallel import share_out
 from raytrace.passes.estimate import Model, estimate, weights_of
 from raytrace.passes.film import Film, Frame, blank_frame, develop, make_film, make_frame, put, taken
 from raytrace.records import Window
@@ -115,15 +114,10 @@ class FilmTiles:
         tile.film.samples[tile.begin : tile.begin + len(tile.x)] = item.last
         tile.sums[:] = sums
 
-    def develop(self, most: int = ALL, threads: int = 1) -> Frame:
+    def develop(self, most: int = ALL) -> Frame:
         """Return the image; pixels with more than ``most`` samples have their value of the last complete round."""
         frame = self._last or (make_frame if most == ALL else blank_frame)(len(self.at), self._light)
-        weights = weights_of(self._counts, self._model)
-
-        def part(begin: int, end: int) -> None:
-            self._develop(self.at[begin:end], begin, most, weights, frame)
-
-        share_out(part, len(self.at), threads)
+        self._develop(self.at, 0, most, weights_of(self._counts, self._model), frame)
         return frame
 
     def _develop(
