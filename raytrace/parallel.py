@@ -1,24 +1,22 @@
 """Work on several threads: kernels release the GIL, so plain threads are enough."""
 
 import operator
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from raytrace import cores
+from raytrace import cores, thread_pool
 from raytrace.errors import OptionError
 from raytrace.jit import PLAIN
+from raytrace.thread_pool import Job
 
 POLL = 0.1  # seconds between two checks for Ctrl-C
 GRAIN = 1024  # rows: ranges begin at multiples of this by default
 MIN_RANGE, MAX_RANGE = 1 << 14, 1 << 17  # rows of a range, if they are fast
 PIECE = 0.1  # seconds: longest time of a range, approximately, so that Ctrl-C takes effect soon
-WORTH = (
-    0.001  # seconds of work that justify a thread: to start one takes a tenth of that, or all of it if CPUs are busy
-)
+WORTH = 0.0001  # seconds of work that justify a thread: to wake one takes a fifth of that
 
 
 def thread_count(threads: int | None) -> int:
@@ -78,32 +76,31 @@ def run(
         queue.work(stop, lambda: news.put(True))
         news.put(False)
 
-    workers = [threading.Thread(target=work, name=f"raytrace-{k}") for k in range(count)]
+    jobs: list[Job] = []
     try:
-        started = _start(workers)
-        if started == 0:
+        jobs += thread_pool.start(work, count)
+        if not jobs:
             work()
-        _follow(news, max(started, 1), report)
+        _follow(news, jobs, report)
         queue.check()
     except BaseException:
         queue.halted = True
         cancel()
         raise
     finally:
-        _join(workers)
+        thread_pool.join(jobs)
     return queue.take() is queue.empty
 
 
 def together(task: Callable[[Any], object], items: Iterable[Any], threads: int | None) -> None:
     """Call ``task`` with every item, in this thread and on others; raise the first error of any here."""
     queue = _Queue(task, items)
-    workers = [threading.Thread(target=queue.work, name=f"raytrace-{k}") for k in range(1, thread_count(threads))]
+    jobs = thread_pool.start(queue.work, thread_count(threads) - 1)
     try:
-        _start(workers)
         queue.work()
     finally:
         queue.halted = True
-        _join(workers)
+        thread_pool.join(jobs)
     queue.check()
 
 
@@ -141,30 +138,9 @@ class _Queue:
             raise self._errors[0]
 
 
-def _join(workers: Iterable[threading.Thread]) -> None:
-    """Wait for the threads that were started."""
-    for worker in workers:
-        if worker.ident is not None:
-            worker.join()
-
-
-def _start(workers: Iterable[threading.Thread]) -> int:
-    """Start threads as long as that succeeds; return how many were started."""
-    started = 0
-    for worker in workers:
-        if sys.is_finalizing():  # a new thread would wait forever
-            break
-        try:
-            worker.start()
-        except RuntimeError:
-            break
-        started += 1
-    return started
-
-
-def _follow(news: SimpleQueue[bool], working: int, report: Callable[[int], None]) -> None:
-    """Report finished items until all threads have ended."""
-    done = 0
+def _follow(news: SimpleQueue[bool], jobs: list[Job], report: Callable[[int], None]) -> None:
+    """Report finished items until all threads that have begun have ended, or the caller's thread without any."""
+    done, working = 0, max(len(jobs), 1)
     while working:
         try:
             finished = news.get(timeout=POLL)
@@ -173,8 +149,10 @@ def _follow(news: SimpleQueue[bool], working: int, report: Callable[[int], None]
         if finished:
             done += 1
             report(done)
-        else:
-            working -= 1
+        else:  # no more items are started
+            begun = [job for job in jobs if not job.cancel()]
+            working -= 1 + len(jobs) - len(begun)
+            jobs[:] = begun
 
 
 def share_out(task: Callable[[int, int], object], n: int, threads: int | None, grain: int = GRAIN) -> None:

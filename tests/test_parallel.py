@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from raytrace import parallel
+from raytrace import parallel, thread_pool
 from raytrace.jit import PLAIN
 from raytrace.parallel import run, share_out, thread_count
 
@@ -108,6 +108,7 @@ def test_where_there_are_no_more_threads_the_others_do_the_work(given, monkeypat
         start(thread)
 
     monkeypatch.setattr(threading.Thread, "start", grudging)
+    monkeypatch.setattr(thread_pool, "_idle", [])  # of threads that were started before
     done, reported = [], []
     assert run(done.append, range(100), 3, report=reported.append)
     assert sorted(done) == list(range(100))
@@ -133,20 +134,22 @@ def test_work_is_done_while_the_interpreter_ends():
 
 @pytest.fixture
 def ranges(monkeypatch):
-    """``ranges(n, threads, pace)``: what is handed out, in order, and to whom, if a row takes ``pace`` seconds."""
-    clock = SimpleNamespace(now=0.0, perf_counter=lambda: clock.now)
+    """``ranges(n, threads, pace)``: ranges in order, and threads woken, if a row takes ``pace`` seconds."""
+    clock, start = SimpleNamespace(now=0.0, perf_counter=lambda: clock.now), thread_pool.start
     monkeypatch.setattr(parallel, "time", clock)
+    woken = []
+    monkeypatch.setattr(thread_pool, "start", lambda work, count: [woken.append(count), start(work, count)][1])
 
     def trial(n, threads, pace):
-        got, workers = [], set()
+        got = []
+        woken.clear()
 
         def task(begin, end):
             got.append((begin, end))
-            workers.add(threading.get_ident())
             clock.now += (end - begin) * pace
 
         share_out(task, n, threads)
-        return sorted(got), workers
+        return sorted(got), sum(woken)
 
     return trial
 
@@ -163,11 +166,11 @@ def test_ranges_make_up_all_rows(ranges, n, threads):
 
 
 def test_little_work_stays_in_the_callers_thread(ranges):
-    here = {threading.get_ident()}
-    assert ranges(1024, 4, 1e-5)[1] == here
-    assert ranges(5000, 4, 1e-8)[1] == here
-    assert ranges(20_000, 1, 1e-6)[1] == here
-    assert ranges(200_000, 4, 1e-6)[1] > here  # the first range is done here, the others by threads
+    assert ranges(1024, 4, 1e-5)[1] == 0
+    assert ranges(5000, 4, 1e-8)[1] == 0
+    assert ranges(20_000, 1, 1e-6)[1] == 0
+    assert ranges(1024 + 25_000, 4, 1e-8)[1] == 1  # 0.25 ms after the first range
+    assert ranges(200_000, 4, 1e-6)[1] == 3  # the first range is done here, the others by threads
 
 
 def test_ranges_are_as_long_as_an_interrupt_may_wait(ranges):
