@@ -5,7 +5,6 @@ The numbers were measured. ``tests/bench/memory.py`` repeats the measurement and
 
 import contextlib
 import os
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -35,9 +34,6 @@ LIGHT, LIGHTS = 144, 12  # bytes per pixel and floats per sample in flight, of l
 PATH = 69  # floats per sample in flight, of path tracing
 RAY = 160  # bytes per ray of ``radiance``: origin, direction, both rounded, result; see tests/test_given_rays.py
 FIXED = 2**25  # bytes: code and threads
-FRESH, PLENTY = 1.0, 1 / 16  # an image that needs a smaller part than this of what was free within so many seconds fits
-
-_read = (-FRESH, 0.0)  # when it was read how much is free, and the bytes
 
 
 # What is free --------------------------------------------------------------------------------------------------------
@@ -232,14 +228,6 @@ class RenderSize(NamedTuple):
         return FIXED + max(trees.building(), trees.built() + self.film() + self.samples(trees))
 
 
-def _plenty() -> float:
-    """Return bytes that are so small a part of what was free just before that it need not be read again."""
-    global _read
-    if not 0 <= time.monotonic() - _read[0] < FRESH:
-        _read = time.monotonic(), free()
-    return _read[1] * PLENTY
-
-
 def check_render(render: RenderSize, trees: Trees, max_memory: int | None) -> None:
     """Raise an error if an image needs more memory than is free.
 
@@ -254,10 +242,7 @@ def check_render(render: RenderSize, trees: Trees, max_memory: int | None) -> No
         "simplify the meshes, or take --precision float32": building,
         "take fewer --threads (threads=)": render.samples(trees),
     }
-    needed = render.total(trees)
-    if max_memory is None and needed < _plenty():
-        return
-    if lacks := Allowance(max_memory).lacks(needed, max(cures, key=cures.__getitem__)):
+    if lacks := Allowance(max_memory).lacks(render.total(trees), max(cures, key=cures.__getitem__)):
         parts = f"{size(film)} for {render.pixels:,} pixels, {size(building)} for {trees.triangles:,} triangles"
         parts += f" and textures of {size(trees.textures)}" * bool(trees.textures)
         raise MemoryLimitError(f"memory: the image, with {parts}, {lacks}")

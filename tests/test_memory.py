@@ -8,7 +8,6 @@ import sys
 import tracemalloc
 from importlib import import_module
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -146,27 +145,8 @@ def test_a_film_is_refused_before_it_is_made(monkeypatch):
     with pytest.raises(OptionError, match=r"^memory: the image, with .* for 268,435,456 pixels, .*--size"):
         rt.render(loaded, size=(16384, 16384), max_memory=2**32)
     monkeypatch.setattr(memory, "free", lambda: 2.0**20)
-    monkeypatch.setattr(memory, "_read", (-1e9, 0.0))
     with pytest.raises(OptionError, match="are free"):
         rt.render(loaded, size=(16, 16))
-
-
-def test_what_is_free_is_read_again_after_a_second_or_for_a_large_image(monkeypatch):
-    clock, left, asked = SimpleNamespace(now=50.0, monotonic=lambda: clock.now), [2.0**36], []
-    monkeypatch.setattr(memory, "time", clock)
-    monkeypatch.setattr(memory, "free", lambda: asked.append(clock.now) or left[0])
-    monkeypatch.setattr(memory, "_read", (-1e9, 0.0))
-    small, large = (RenderSize(side**2, False, False, 4, 2**15) for side in (64, 8192))  # 32 MiB, 6 GiB
-    none = Trees(0, 1, 4, False, True)
-    for image in (small, small, small, large, small):
-        check_render(image, none, None)
-    assert asked == [50.0, 50.0]  # the first image, and the large one
-    left[0], clock.now = 2.0**20, 50.5
-    with pytest.raises(OptionError, match="are free"):
-        check_render(large, none, None)
-    clock.now = 51.5
-    with pytest.raises(OptionError, match="are free"):
-        check_render(small, none, None)
 
 
 def test_what_was_built_is_not_counted_again():
