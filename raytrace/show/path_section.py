@@ -1,6 +1,6 @@
 """A path in its plane of incidence, with a section of the scene: angles and lengths are true to scale."""
 
-from itertools import takewhile
+from itertools import product, takewhile
 from typing import Any
 
 import numpy as np
@@ -135,10 +135,11 @@ def _angles(axes: Any, step: Step, plane: Plane, radius: float, labels: list[NDA
 def _free_place(
     at: NDArray[np.float64], offset: NDArray[np.float64], size: NDArray[np.float64], labels: list[NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """Return the centre of a label, pushed away from a point until it overlaps no earlier one; it is added to them."""
+    """Return the centre of a label, turned and pushed until it overlaps no earlier one; it is added to them."""
     place = at + offset
-    for push in np.arange(1.0, 4.0, 0.2):
-        place = at + push * offset
+    for push, degrees in product((1.0, 1.25, 1.5, 1.75), (0, 25, -25, 50, -50, 75, -75)):
+        cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        place = at + push * (np.array([[cos, -sin], [sin, cos]]) @ offset)
         if all((np.abs(place - other) >= size).any() for other in labels):
             break
     labels.append(place)
