@@ -31,7 +31,15 @@ def follow(guide: str, folder: Path) -> tuple[int, int]:
         (folder / path).write_text(text, "utf-8")
         tests += [path] if path.startswith("tests/test_") and not old else []
     environment = os.environ | {"PYTHONPATH": str(folder), "RAYTRACE_CACHE": str(folder / "kernels")}
-    command = [sys.executable, "-m", "pytest", "-p", "no:dash", "-q", *tests]  # some peers install Dash, whose plugin fails
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-p",
+        "no:dash",
+        "-q",
+        *tests,
+    ]  # some peers install Dash, whose plugin fails
     return lines, subprocess.run(command, cwd=folder, env=environment, check=False).returncode
 
 
