@@ -41,6 +41,12 @@ class OptionError(RaytraceError, ValueError):
     exit_code = 2
 
 
+class PackageError(RaytraceError):
+    """An optional package that is not installed: ``what needs which package: how to install it``."""
+
+    exit_code = 2
+
+
 class MemoryLimitError(OptionError):
     """Not enough memory: ``memory: what needs how much, and what to change``."""
 

@@ -11,7 +11,7 @@ import pytest
 
 import raytrace
 from raytrace.cli import main
-from raytrace.errors import FileError, SceneError
+from raytrace.errors import FileError, PackageError, SceneError
 
 BOX = str(Path(__file__).parent.parent / "scenes" / "cornell-box.json")
 HEAVY = {"numba", "llvmlite", "numpy", "trimesh", "rich", "PIL", "OpenEXR", "skimage", "webbrowser", "http", "secrets"}
@@ -274,6 +274,7 @@ def test_a_file_whose_name_is_like_a_verb_is_a_scene(library):
         (SceneError(["a.json:1:2: fov: too wide", "a.json:2:1: film: empty"]), 3, "fov: too wide\na.json:2:1"),
         (FileError("a.json: there is no such file"), 4, "a.json: there is no such file\n"),
         (PermissionError(13, "Permission denied", "a.json"), 4, "a.json: Permission denied\n"),
+        (PackageError("needs a: pip install a"), 2, "needs a: pip install a\n"),
         (KeyboardInterrupt(), 130, "interrupted; nothing was saved\n"),
         (ZeroDivisionError("by zero"), 1, "internal failure: ZeroDivisionError: by zero; please report"),
     ],
@@ -365,6 +366,7 @@ def test_doctor_prints_a_fact_a_line(capsys):
     assert main.main(["doctor"]) == 0
     facts = [line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines()]
     assert ["raytrace", raytrace.__version__] in facts
+    assert {"flip-evaluator", "scikit-image"} <= {fact[0] for fact in facts}  # long names do not touch their facts
 
 
 # With the whole library -----------------------------------------------------------------------------------------------

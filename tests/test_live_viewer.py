@@ -14,7 +14,7 @@ from PIL import Image
 import raytrace as rt
 from browser import ROOT, a_lab, a_page, run_all, why_not, write_notebook
 from kernels import a_kernel
-from raytrace.errors import OptionError, RaytraceError
+from raytrace.errors import OptionError, PackageError
 from raytrace.image.files import srgb8
 from raytrace.image.png import SIGNATURE
 from raytrace.jit import PLAIN
@@ -107,7 +107,7 @@ def test_what_can_not_be_shown_is_told():
 def test_without_anywidget_the_message_names_the_package(monkeypatch):
     monkeypatch.delitem(sys.modules, "raytrace.show.widget", raising=False)
     monkeypatch.setitem(sys.modules, "anywidget", None)
-    with pytest.raises(RaytraceError, match="pip install anywidget"):
+    with pytest.raises(PackageError, match="pip install anywidget"):
         rt.show.live(FILE)
 
 

@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
-from raytrace.errors import FileError, RaytraceError
+from raytrace.errors import FileError, PackageError
 from raytrace.image import files
 from raytrace.image.metrics import OUTLIER, RELATIVE_EPS, Limits, compare, level_of, ssim, violations, worst_tile
 
@@ -177,7 +177,7 @@ def test_what_cannot_be_compared_is_a_clear_error():
 
 def test_without_scikit_image_the_message_names_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "skimage.metrics", None)
-    with pytest.raises(RaytraceError, match="pip install scikit-image"):
+    with pytest.raises(PackageError, match="pip install scikit-image"):
         compare(*pair())
 
 

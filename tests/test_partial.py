@@ -147,10 +147,11 @@ def test_before_the_first_pass_is_complete_nothing_is_written(tmp_path, monkeypa
 def test_time_that_ends_before_the_first_pass_writes_nothing_either(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(Run, "_over", lambda _run: True)
     path = tmp_path / "box.npz"
-    assert main.main([*ASK, "-o", str(path), "--time-limit", "1e6"]) == 130
+    assert main.main([*ASK, "-o", str(path), "--time-limit", "1e6"]) == 2
     out, err = capsys.readouterr()
     assert (out, list(tmp_path.iterdir())) == ("", [])
-    assert err == "time limit reached before the first round of samples was complete; nothing was saved\n"
+    why = "time limit reached before the first round of samples was complete"
+    assert err == f"{why}; nothing was saved; use a longer --time-limit\n"
 
 
 def test_a_partial_image_that_cannot_be_written_goes_elsewhere(tmp_path, passes, monkeypatch):

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytrace.errors import RaytraceError
+from raytrace.errors import PackageError
 from raytrace.reporting.analysis import pareto
 from raytrace.reporting.configurations import Configuration
 from raytrace.reporting.plots import DARK, NIGHT, Plotted, check_matplotlib, heat, make_plots
@@ -70,7 +70,7 @@ assert "matplotlib.pyplot" not in sys.modules
 
 def test_without_matplotlib_the_message_names_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(RaytraceError, match="pip install matplotlib scikit-image"):
+    with pytest.raises(PackageError, match="pip install matplotlib scikit-image"):
         check_matplotlib()
 
 

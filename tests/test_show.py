@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import raytrace as rt
-from raytrace.errors import FileError, OptionError, RaytraceError
+from raytrace.errors import FileError, OptionError, PackageError
 from small_scenes import studio
 from test_init import HEAVY, python
 
@@ -77,7 +77,7 @@ def test_an_ending_that_is_not_known_is_told(tmp_path, drawing):
 
 def test_without_matplotlib_the_message_names_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(RaytraceError, match="pip install matplotlib scikit-image"):
+    with pytest.raises(PackageError, match="pip install matplotlib scikit-image"):
         rt.show.samples("sobol", 16)
 
 

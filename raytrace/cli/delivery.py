@@ -79,7 +79,8 @@ def deliver(image: Render, path: Path, exposure: float) -> tuple[Path, str]:
 
 def nothing(image: Render) -> str:
     """The message for a render without a complete round of samples."""
-    return f"{state_of(image)}; nothing was saved{_kept(image)}"
+    cure = "" if image.interrupted else "; use a longer --time-limit"
+    return f"{state_of(image)}; nothing was saved{cure}{_kept(image)}"
 
 
 def remarks(image: Render, last: Progress | None, seconds: float, target: float | None) -> Iterator[str]:

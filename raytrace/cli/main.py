@@ -151,7 +151,7 @@ def _doctor(_args: Namespace) -> int:
     from raytrace.doctor import findings
 
     for name, value in findings():
-        streams.out(f"{name:<14}{value}")
+        streams.out(f"{name:<14} {value}")
     return DONE
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import raytrace
 from raytrace.cli import arguments, streams
-from raytrace.cli.failures import DONE, FILE
+from raytrace.cli.failures import DONE, FILE, USAGE
 from raytrace.cli.scenes import each_scene
 from raytrace.cli.terminal import ECHO, INTERRUPTED, Reporter, Signals, at_terminal, signals_interrupt
 from raytrace.errors import printable, without_scene_warnings
@@ -101,7 +101,7 @@ def _render(args: Namespace, path: Path, load: Load, signals: Signals) -> int:
             image = raytrace.render(scene, progress=reporter, **options)
     if not image.provenance["samples"]:
         streams.say(nothing(image))
-        return INTERRUPTED
+        return INTERRUPTED if image.interrupted or signals.came else USAGE
     with signals.held():  # write the image
         target = path_of(image, path)
         stops = shown(scene, image, target, args.exposure, say)

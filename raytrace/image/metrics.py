@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytrace.errors import RaytraceError
+from raytrace.errors import PackageError
 from raytrace.image import flip as flip_metric
 from raytrace.image.comparison import Comparison
 from raytrace.image.files import LUMINANCE, load, srgb_encode
@@ -176,7 +176,7 @@ def _similarity(a: NDArray[np.floating], b: NDArray[np.floating]) -> tuple[float
     try:
         from skimage.metrics import structural_similarity  # 0.2 s: imported only where it is used
     except ImportError:
-        raise RaytraceError("comparing images needs scikit-image: pip install scikit-image") from None
+        raise PackageError("comparing images needs scikit-image: pip install scikit-image") from None
     codes = [screen(a), screen(b)]
     margin = SSIM_RADIUS if min(a.shape[:2]) <= 2 * SSIM_RADIUS else 0
     if margin:

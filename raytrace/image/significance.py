@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytrace.errors import OptionError, RaytraceError, printable
+from raytrace.errors import OptionError, PackageError, printable
 from raytrace.image.files import load
 from raytrace.image.metrics import ROUNDING, TILE, light_of, tile_means
 
@@ -162,7 +162,7 @@ def _tested(terms: Terms, pixels: int) -> Tested:
     try:
         from scipy.special import stdtr  # comes with scikit-image
     except ImportError:
-        raise RaytraceError("z-test: needs SciPy: pip install scipy") from None
+        raise PackageError("z-test: needs SciPy: pip install scipy") from None
     z = _in_deviations(terms.difference, terms.variance / pixels)
     with np.errstate(divide="ignore", invalid="ignore"):
         freedom = np.where(terms.square > 0, pixels * terms.variance**2 / terms.square - 2, MOST)

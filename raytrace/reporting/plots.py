@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytrace.errors import RaytraceError
+from raytrace.errors import PackageError
 from raytrace.reporting.analysis import curves_of
 from raytrace.reporting.configurations import Configuration
 from raytrace.reporting.measurements import Point
@@ -87,7 +87,7 @@ def check_matplotlib() -> None:
     try:
         import matplotlib as mpl  # noqa: F401
     except ImportError:
-        raise RaytraceError("a report needs matplotlib: pip install matplotlib scikit-image") from None
+        raise PackageError("a report needs matplotlib: pip install matplotlib scikit-image") from None
 
 
 @contextlib.contextmanager

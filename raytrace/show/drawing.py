@@ -10,7 +10,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from raytrace.errors import FileError, RaytraceError, printable
+from raytrace.errors import FileError, PackageError, printable
 from raytrace.output_folder import check_folder, write
 from raytrace.reporting.plots import without_glyphs
 
@@ -115,7 +115,7 @@ def new_figure(width: float, height: float) -> Iterator[Any]:
         import matplotlib as mpl
         from matplotlib.figure import Figure  # without pyplot: needs no window system
     except ImportError:
-        raise RaytraceError("rt.show needs matplotlib: pip install matplotlib scikit-image") from None
+        raise PackageError("rt.show needs matplotlib: pip install matplotlib scikit-image") from None
     with mpl.rc_context(STYLE):
         yield Figure((width, height), layout="constrained")
 

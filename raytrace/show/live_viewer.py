@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from raytrace.errors import RaytraceError
+from raytrace.errors import PackageError
 from raytrace.limits import MAX_SPP
 from raytrace.records import Scene
 from raytrace.rendering.rendering import within
@@ -60,7 +60,7 @@ def live(scene: AnyScene, *, size: tuple[int, int] | None = None, spp: int = 64)
     try:
         from raytrace.show.widget import Viewer
     except ImportError:
-        raise RaytraceError("rt.show.live needs anywidget: pip install anywidget") from None
+        raise PackageError("rt.show.live needs anywidget: pip install anywidget") from None
     if not isinstance(scene, Scene):
         scene = load(scene)
     if size is None:
