@@ -25,20 +25,12 @@ class Worker:
 
     def __init__(self) -> None:
         self.tasks = SimpleQueue[tuple[Work, "Job"] | None]()
-        self._allowed = self._affinity = _affinity()
+        self._affinity = _affinity()
         self.thread = threading.Thread(target=self._serve, name=f"raytrace-{next(_numbers)}", daemon=True)
         self.thread.start()
 
-    def place(self, allowed: set[int], taken: set[int]) -> None:
-        """Let the thread use the cores that the caller may use, as a new thread would, but wake on none of ``taken``.
-
-        Left to itself, Linux wakes a thread on the core of its caller even where another core has nothing to do, and
-        moves it milliseconds later.
-        """
-        self._allowed = allowed
-        self._use(allowed - taken or allowed)
-
-    def _use(self, cores: set[int]) -> None:
+    def place(self, cores: set[int]) -> None:
+        """Let the thread use these CPU cores."""
         if cores and cores != self._affinity and self.thread.native_id:
             with contextlib.suppress(OSError):
                 os.sched_setaffinity(self.thread.native_id, cores)
@@ -51,7 +43,6 @@ class Worker:
                 del work, task
                 continue
             try:
-                self._use(self._allowed)
                 work()
                 del work, task  # and the memory that they refer to
                 _unfinished.discard(job.done)
@@ -84,12 +75,16 @@ class Job(NamedTuple):
 def start(work: Work, count: int, busy: bool) -> list[Job]:
     """Call ``work`` in so many threads, or in as many as there can be; return what they were given.
 
-    ``busy`` says whether the calling thread goes on working. If not, one of the threads may wake on its CPU core.
+    The threads share out the CPU cores that the caller may use. A caller that is ``busy``, because it goes on working,
+    keeps its own. Left to itself, Linux often wakes a thread on the core of the one that woke it, and leaves it there
+    for many milliseconds, although another core has nothing to do; and threads that take turns in Python wake each
+    other all the time.
     """
     jobs: list[Job] = []
     if count < 1 or sys.is_finalizing():  # a thread would wait forever then
         return jobs
-    allowed, here, daemon = _affinity(), _core(), threading.current_thread().daemon
+    allowed, daemon = _affinity(), threading.current_thread().daemon
+    cores = sorted(allowed - _core() if busy else allowed) or sorted(allowed)
     while len(jobs) < count and not sys.is_finalizing():
         try:
             worker = _idle.pop() if _idle else Worker()
@@ -97,7 +92,7 @@ def start(work: Work, count: int, busy: bool) -> list[Job]:
             continue
         except RuntimeError:
             break
-        worker.place(allowed, here if busy or jobs else set())
+        worker.place(set(cores[len(jobs) % max(len(cores), 1) :: count]))
         job = Job(worker, threading.Lock(), threading.Lock())
         job.done.acquire()
         if not daemon:

@@ -114,35 +114,33 @@ def test_threads_use_the_cores_of_their_caller():
     try:
         for allowed in (cores, {min(cores)}, cores):
             os.sched_setaffinity(0, allowed)
-            (job,) = thread_pool.start(lambda: seen.append(os.sched_getaffinity(0)), 1, busy=True)
+            (job,) = thread_pool.start(lambda: seen.append(os.sched_getaffinity(0)), 1, busy=False)
             job.done.acquire()
             assert seen[-1] == allowed
     finally:
         os.sched_setaffinity(0, cores)
 
 
-@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="cores can't be chosen")
-def test_a_thread_wakes_beside_its_caller_and_then_goes_anywhere():
-    cores, seen = os.sched_getaffinity(0), []
-    if len(cores) == 1:
-        pytest.skip("there is one core")
-    worker = thread_pool.Worker()
-    worker.place(cores, {min(cores)})
-    assert os.sched_getaffinity(worker.thread.native_id) == cores - {min(cores)}
-    thread_pool._idle.append(worker)
-    (job,) = thread_pool.start(lambda: seen.append(os.sched_getaffinity(0)), 1, busy=True)
-    job.done.acquire()
-    assert job.worker is worker
-    assert seen == [cores]
-
-
-@pytest.mark.parametrize("busy", [True, False])
-def test_only_a_caller_who_waits_gives_its_core_to_a_thread(busy, monkeypatch):
-    taken = []
-    monkeypatch.setattr(thread_pool, "_core", lambda: {7})
-    monkeypatch.setattr(thread_pool.Worker, "place", lambda worker, allowed, cores: taken.append(cores))
-    thread_pool.join(thread_pool.start(lambda: None, 3, busy))
-    assert taken == [{7} if busy else set(), {7}, {7}]
+@pytest.mark.parametrize(
+    ("allowed", "count", "busy", "shares"),
+    [
+        ({0, 1}, 2, False, [{0}, {1}]),
+        ({0, 1}, 1, True, [{1}]),
+        ({0, 1}, 1, False, [{0, 1}]),
+        ({0, 2, 3, 5, 7}, 2, False, [{0, 3, 7}, {2, 5}]),
+        ({0, 2, 3, 5, 7}, 2, True, [{2, 5}, {3, 7}]),
+        ({0, 1}, 3, False, [{0}, {1}, {0}]),
+        ({0}, 2, True, [{0}, {0}]),
+        (set(), 2, True, [set(), set()]),  # where the system does not say
+    ],
+)
+def test_threads_share_out_the_cores_and_leave_a_busy_caller_its_own(allowed, count, busy, shares, monkeypatch):
+    placed = []
+    monkeypatch.setattr(thread_pool, "_core", lambda: {0})
+    monkeypatch.setattr(thread_pool, "_affinity", lambda: allowed)
+    monkeypatch.setattr(thread_pool.Worker, "place", lambda worker, cores: placed.append(cores))
+    thread_pool.join(thread_pool.start(lambda: None, count, busy))
+    assert placed == shares
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux says on which core a thread runs")
