@@ -72,7 +72,8 @@ def search_of(picture, error, target=1e-4, samples=4, model=MODELS["sobol"]):
     """A search that was shown a picture (h, w) of greys and given the pixels' errors, or one for all."""
     height, width = picture.shape
     window = Window(3, 5, width, height)
-    at = curve(window)
+    x, y = curve(window)
+    at = y * window.width + x
     film = make_film(len(at))
     film.samples[:] = samples
     film.error[: len(at)] = np.broadcast_to(error, picture.shape).ravel()[at]

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from functools import cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytrace.accel.lanes import PACKET
+from raytrace.parallel import share_out
 from raytrace.passes.estimate import Model, estimate, weights_of
 from raytrace.passes.film import Film, Frame, blank_frame, develop, make_film, make_frame, put, taken
 from raytrace.records import Window
@@ -66,13 +68,16 @@ class FilmTiles:
     """
 
     def __init__(self, window: Window, model: Model, light: bool = False) -> None:
-        self.at = curve(window)
+        x, y = curve(window)
+        self.at = y * window.width + x
         self.film = make_film(len(self.at), light)
         self._model, self._counts = model, {0}  # numbers of samples that pixels have had
         self._light = light
         self._last: Frame | None = None  # the image of the last complete round, of pixels that are in the next
-        y, x = np.divmod(np.pad(self.at, (0, len(self.film.samples) - len(self.at)), "edge"), window.width)
-        self._x, self._y = (x + window.x).astype(np.uint32), (y + window.y).astype(np.uint32)
+        padding = 0, len(self.film.samples) - len(self.at)
+        self._x, self._y = (
+            np.pad((row + begin).astype(np.uint32), padding, "edge") for row, begin in ((x, window.x), (y, window.y))
+        )
 
     def positions(self, pixels: NDArray[np.int64]) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
         """Columns and rows of pixels of the film."""
@@ -87,7 +92,8 @@ class FilmTiles:
         pixels = item.pixels
         if isinstance(pixels, slice):
             if self._last and item.first:
-                self._develop(self.at[pixels], pixels.start, item.first, {item.first}, self._last)
+                weights = weights_of({item.first}, self._model)
+                self._develop(self.at[pixels], pixels.start, item.first, weights, self._last)
             return FilmTile(self._x[pixels], self._y[pixels], self.film, pixels.start)
         padded = np.append(pixels, np.repeat(pixels[-1:], -len(pixels) % PACKET))
         return FilmTile(self._x[padded], self._y[padded], taken(self.film, padded), 0)
@@ -109,34 +115,49 @@ class FilmTiles:
         tile.film.samples[tile.begin : tile.begin + len(tile.x)] = item.last
         tile.sums[:] = sums
 
-    def develop(self, most: int = ALL) -> Frame:
+    def develop(self, most: int = ALL, threads: int = 1) -> Frame:
         """Return the image; pixels with more than ``most`` samples have their value of the last complete round."""
         frame = self._last or (make_frame if most == ALL else blank_frame)(len(self.at), self._light)
-        self._develop(self.at, 0, most, self._counts, frame)
+        weights = weights_of(self._counts, self._model)
+
+        def part(begin: int, end: int) -> None:
+            self._develop(self.at[begin:end], begin, most, weights, frame)
+
+        share_out(part, len(self.at), threads)
         return frame
 
-    def _develop(self, at: NDArray[np.int64], first: int, most: int, counts: set[int], frame: Frame) -> None:
-        """Write pixels of the film, from ``first`` on, that have one of these numbers of samples, to their places."""
-        develop(self.film, at, first, most, weights_of(counts, self._model), frame)
+    def _develop(
+        self, at: NDArray[np.int64], first: int, most: int, weights: NDArray[np.float64], frame: Frame
+    ) -> None:
+        """Write pixels of the film, from ``first`` on, to their places; weights: those of their numbers of samples."""
+        develop(self.film, at, first, most, weights, frame)
         if self._light:
             from raytrace.passes.light_layers import develop_layers
 
             develop_layers(self.film.sums, self.film.samples, at, first, most, frame.light)
 
 
-def curve(window: Window) -> NDArray[np.int64]:
-    """Pixels of a window, row by row, in the order of a Z curve through each tile, tile after tile.
+def curve(window: Window) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Columns and rows of the pixels of a window, in the order of a Z curve through each tile, tile after tile.
 
     So any packet is a compact block   [Morton1966].
     """
+    x, y = _curve_of_tile()
+    tops, lefts = np.mgrid[0 : window.height : TILE, 0 : window.width : TILE].reshape(2, -1, 1)
+    x, y = (lefts + x).ravel(), (tops + y).ravel()
+    if window.width % TILE or window.height % TILE:
+        inside = (x < window.width) & (y < window.height)
+        x, y = x[inside], y[inside]
+    return x, y
+
+
+@cache
+def _curve_of_tile() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Columns and rows of the pixels of a tile, in the order of a Z curve."""
     y, x = np.mgrid[0:TILE, 0:TILE]
     code = sum(((x >> bit & 1) << 2 * bit) | ((y >> bit & 1) << 2 * bit + 1) for bit in range(TILE.bit_length() - 1))
     order = np.argsort(np.ravel(code))
-    x, y = x.ravel()[order], y.ravel()[order]
-    tops, lefts = np.mgrid[0 : window.height : TILE, 0 : window.width : TILE].reshape(2, -1, 1)
-    x, y = (lefts + x).ravel(), (tops + y).ravel()
-    inside = (x < window.width) & (y < window.height)
-    return y[inside] * window.width + x[inside]
+    return x.ravel()[order], y.ravel()[order]
 
 
 def inverse(order: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -12,7 +12,7 @@ import numpy as np
 from raytrace import parallel
 from raytrace.errors import OptionError
 from raytrace.limits import LAYERS, LIGHT_LAYERS, MAX_PIXELS, MAX_SEED, MAX_SIDE, MAX_SPP
-from raytrace.memory import RenderSize, check_render
+from raytrace.memory import RenderSize, check_render, keep_freed
 from raytrace.passes.film import BINS
 from raytrace.records import Camera, Scene, Settings, Window
 from raytrace.rendering import adaptive
@@ -151,6 +151,7 @@ def render(
         trees_of(scene, plan, precision, needs_paths(scene, settings.integrator)),
         max_memory,
     )
+    keep_freed()
     pixels = window.width * window.height
     early = limit < np.inf or listener.early(pixels * job.first_spp)
     tiling = Tiling(first=1 if early else None)

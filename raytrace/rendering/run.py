@@ -66,7 +66,7 @@ class Run:
 
     def run(self, threads: int, time_limit: float, layers: Sequence[str]) -> Render:
         """Render until the image is complete, cancelled or out of time."""
-        self._deadline = self.began + time_limit
+        self._deadline, self._threads = self.began + time_limit, threads
         self.with_layers = bool(set(layers) - {"samples", *LIGHT_LAYERS})
         complete, interrupted = False, False
         with on_compile(self._compile_ahead) as compilation:
@@ -239,9 +239,9 @@ class Run:
         """The image after the last complete round, and everything that adaptive sampling added to it."""
         spp, done = self.job.first_spp, int(self.film_tiles.film.samples.min())
         if done >= spp:
-            return self.film_tiles.develop()
+            return self.film_tiles.develop(threads=self._threads)
         complete = [last for _, last in self._rounds() if last <= done]
-        return self.film_tiles.develop(max(complete, default=0))
+        return self.film_tiles.develop(max(complete, default=0), self._threads)
 
     def _image(self, complete: bool, interrupted: bool, compile_seconds: float) -> Render:
         size, settings = self.samples.shape, self.job.settings
