@@ -221,3 +221,17 @@ def test_what_another_type_has_is_told(section, entry, told):
     texts = [f"{problem.path[-1]}: {problem.text}" for problem in read_format(data).problems if len(problem.path) > 1]
     assert len(texts) == 1
     assert re.search(told, texts[0])
+
+
+@pytest.mark.parametrize(
+    ("section", "entry", "told"),
+    [
+        ("film", {"spp": 4}, r'unknown key "spp" \(known: size, filter\); "render" has it$'),
+        ("film", {"height": 4}, r'unknown key "height"; did you mean "size"\?$'),
+        ("materials", {"x": {"type": "diffuse", "colour": [1, 1, 1]}}, r'"colour"; did you mean "albedo"\?$'),
+    ],
+)
+def test_keys_of_other_places_and_other_formats_are_told(section, entry, told):
+    texts = [problem.text for problem in read_format({**WHOLE, section: entry}).problems if problem.path[0] == section]
+    assert len(texts) == 1  # a key by another name is not lacking too
+    assert re.search(told, texts[0])

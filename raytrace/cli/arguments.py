@@ -7,7 +7,7 @@ from pathlib import Path
 from raytrace.cli.changes import set_option
 from raytrace.cli.exposure import exposure
 from raytrace.cli.parser import suggestion
-from raytrace.limits import LAYERS, LIGHT_LAYERS
+from raytrace.limits import LAYERS, LIGHT_LAYERS, MAX_SPP
 
 
 def whole_number(low: int, high: int = 2**31 - 1) -> Callable[[str], int]:
@@ -188,7 +188,7 @@ def _image_options(parser: ArgumentParser) -> None:
 def _job_options(parser: ArgumentParser) -> None:
     """Declare what decides an image and its cost."""
     add = parser.add_argument
-    add("--spp", type=whole_number(1), metavar="N", help="samples per pixel (default: the scene's)")
+    add("--spp", type=whole_number(1, MAX_SPP), metavar="N", help="samples per pixel (default: the scene's)")
     add("--size", type=SIZE, metavar="WxH", help="image size in pixels (default: the scene's)")
     window = whole_numbers("X,Y,W,H", ",", (0, 0, 1, 1), "0,0,64,48")
     add("--crop", type=window, metavar="X,Y,W,H", help="render only W x H pixels, from column X and row Y")
@@ -224,7 +224,9 @@ def view_options(parser: ArgumentParser) -> None:
     scene_options(parser)
     add = parser.add_argument
     add("--size", type=SIZE, metavar="WxH", help="image size in pixels (default: the scene's, at most 512 a side)")
-    add("--spp", type=whole_number(1), metavar="N", help="samples per pixel of the image at rest (default: 64)")
+    add(
+        "--spp", type=whole_number(1, MAX_SPP), metavar="N", help="samples per pixel of the image at rest (default: 64)"
+    )
     _integrator_option(parser)
     add("--no-browser", action="store_true", help="print the address of the page, but open no browser")
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from raytrace.scene import schema_text
 from raytrace.scene.positions import Path
-from raytrace.scene.problems import MAX_PROBLEMS, Problem, listed, nearest, quote, unknown_key, unknown_name
+from raytrace.scene.problems import MAX_PROBLEMS, Problem, listed, meant_key, quote, unknown_key, unknown_name
 from raytrace.scene.rules import (
     MEANT,
     check_film,
@@ -212,7 +212,7 @@ class _Reader:
         choice = [option["required"][0] for option in schema.get("oneOf", ())]
         present = [key for key in choice if key in value]
         if unknown and (lacking or (choice and not present)):  # a misspelt key is one problem, not two
-            misspelt = {nearest(key, known) for key in unknown[: MAX_PROBLEMS + 1]}
+            misspelt = {meant_key(key, known) for key in unknown[: MAX_PROBLEMS + 1]}
             lacking = [key for key in lacking if key not in misspelt]
             choice = [] if misspelt & set(choice) else choice
         for key in lacking:
@@ -228,9 +228,10 @@ class _Reader:
         return SimpleNamespace(**read)
 
     def _elsewhere(self, key: str, known: Schema, models: Schema | None) -> str:
-        """Say which other models have a key, if no known one is similar."""
-        if not models or nearest(key, known) is not None:
+        """Say which other models, or parts of a scene, have a key, if no known one is similar."""
+        if meant_key(key, known) is not None:
             return ""
+        models = models or {name: part for name, part in _schema()["properties"].items() if "$ref" in part}
         able = [quote(name) for name, model in models.items() if key in self._resolve(model)["properties"]]
         return f"; {', '.join(able)} {'has' if len(able) == 1 else 'have'} it" if able else ""
 

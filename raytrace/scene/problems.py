@@ -18,6 +18,15 @@ SEARCHED = 1000  # known names that are compared with a misspelt one
 HINTED = 10  # misspelt names that get a suggestion
 LISTED = 20  # names that a message lists
 LONGEST = 100  # characters of a name that are compared or listed
+OTHER_NAMES = {  # what other formats call a key
+    "albedo": ("color", "colour", "reflectance", "base_color", "diffuse", "kd"),
+    "size": ("width", "height", "resolution"),
+    "position": ("eye", "origin"),
+    "look_at": ("target", "lookat"),
+    "ior": ("int_ior", "index"),
+    "spp": ("samples", "samples_per_pixel"),
+    "flux": ("power",),
+}
 
 
 class Problem(NamedTuple):
@@ -73,6 +82,12 @@ def nearest(word: Any, known: Iterable[str]) -> str | None:
     return names[close[0]] if close else None
 
 
+def meant_key(key: str, known: Collection[str]) -> str | None:
+    """Return the known key that has another name in other formats, or a similar spelling; None if there is none."""
+    meant = [name for name, others in OTHER_NAMES.items() if key in others and name in known]
+    return meant[0] if meant else nearest(key, known)
+
+
 def _hint(word: Any, known: Iterable[str]) -> str:
     close = nearest(word, known)
     return "" if close is None else f"; did you mean {quote(close)}?"
@@ -110,10 +125,14 @@ def unknown_key(key: str, known: Collection[str]) -> str:
     --------
     >>> unknown_key("albeedo", ["type", "albedo"])
     'unknown key "albeedo"; did you mean "albedo"?'
-    >>> unknown_key("colour", ["type", "albedo"])
-    'unknown key "colour" (known: type, albedo)'
+    >>> unknown_key("color", ["type", "albedo"])
+    'unknown key "color"; did you mean "albedo"?'
+    >>> unknown_key("weight", ["type", "albedo"])
+    'unknown key "weight" (known: type, albedo)'
     """
-    return f"unknown key {quote(key)}" + (_hint(key, known) or f" (known: {listed(known) or 'none'})")
+    meant = meant_key(key, known)
+    hint = f" (known: {listed(known) or 'none'})" if meant is None else f"; did you mean {quote(meant)}?"
+    return f"unknown key {quote(key)}" + hint
 
 
 def no_such_file(path: FilePath) -> str:
