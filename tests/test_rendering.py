@@ -410,7 +410,7 @@ def test_memory_does_not_grow_with_samples(box):
 
 # How far one has to read ----------------------------------------------------------------------------------------------
 
-FEW_MODULES = 12  # outside the packages of the algorithm
+FEW_MODULES = 13  # outside the packages of the algorithm
 
 
 MODULES_RUN = """
@@ -418,14 +418,16 @@ import sys, threading
 from pathlib import Path
 import raytrace as rt
 
+seen = set()
+note = lambda frame, event, _: seen.add(frame.f_code.co_filename) if event == "call" else None
+threading.setprofile(note)  # before the first render, whose threads wait for the next
+
 def modules_run_by(call):
-    package, seen = Path(rt.__file__).parent, set()
-    note = lambda frame, event, _: seen.add(frame.f_code.co_filename) if event == "call" else None
-    threading.setprofile(note)
+    package = Path(rt.__file__).parent
+    seen.clear()
     sys.setprofile(note)
     call()
     sys.setprofile(None)
-    threading.setprofile(None)
     inside = {Path(name).relative_to(package) for name in seen if Path(name).is_relative_to(package)}
     return sorted(str(path) for path in inside if path.parts[0] not in ("accel", "passes", "scene"))
 

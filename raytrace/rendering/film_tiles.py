@@ -142,7 +142,7 @@ def curve(window: Window) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
     So any packet is a compact block   [Morton1966].
     """
-    x, y = _curve_of_tile()
+    x, y = _curve_of_tile(TILE)
     tops, lefts = np.mgrid[0 : window.height : TILE, 0 : window.width : TILE].reshape(2, -1, 1)
     x, y = (lefts + x).ravel(), (tops + y).ravel()
     if window.width % TILE or window.height % TILE:
@@ -152,10 +152,10 @@ def curve(window: Window) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 @cache
-def _curve_of_tile() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _curve_of_tile(side: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Columns and rows of the pixels of a tile, in the order of a Z curve."""
-    y, x = np.mgrid[0:TILE, 0:TILE]
-    code = sum(((x >> bit & 1) << 2 * bit) | ((y >> bit & 1) << 2 * bit + 1) for bit in range(TILE.bit_length() - 1))
+    y, x = np.mgrid[0:side, 0:side]
+    code = sum(((x >> bit & 1) << 2 * bit) | ((y >> bit & 1) << 2 * bit + 1) for bit in range(side.bit_length() - 1))
     order = np.argsort(np.ravel(code))
     return x.ravel()[order], y.ravel()[order]
 

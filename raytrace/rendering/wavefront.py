@@ -19,7 +19,7 @@ from raytrace.passes.surface import surface
 from raytrace.records import Batch, Columns, Points, Rays, Shadows, View
 from raytrace.rendering.compiled_scene import CompiledScene
 
-BATCH = 16384  # samples in flight per thread, about 100 bytes each; with fewer, Python takes a tenth of the time
+BATCH = 32768  # samples in flight per thread, about 100 bytes each; with fewer, threads wait for Python more often
 EXHAUSTED = -2  # prim_id of a sample that has met max_depth surfaces and has not ended
 OTHER_COLUMNS = 23  # of points, shadows and radiance
 
