@@ -52,13 +52,13 @@ class RouletteWithoutCompensation(Usual):
         self.before = None
         super().add_samples(*batch)
 
-    def _closest(self, here, origins, n):
+    def _closest(self, here, origins, n, bvh):
         """As ``go_on`` left them: the largest throughput is 1 where a path survived by chance."""
         throughput = here.throughput.reshape(3, -1)
         before = self.before
         if before is not None and before[0] >= path_wavefront.paths.ROULETTE_FROM:
             throughput[:, :n] = np.minimum(throughput[:, :n], before[1][:, here.rays.slot[:n]])
-        super()._closest(here, origins, n)
+        super()._closest(here, origins, n, bvh)
 
     def _scatter(self, here, n, depth):
         super()._scatter(here, n, depth)
