@@ -13,6 +13,7 @@ from workloads import MESHES, RaySet, ray_sets
 
 # embreex holds the global interpreter lock, so it is compared in one thread only: it has no column with two
 COLUMNS = "raytrace", "raytrace, row-major", "Open3D", "Mitsuba", "Mitsuba, coherent", "embreex"
+PAUSE = 0.003  # seconds before each call, in which the threads of the last tracer end their waiting loops
 DIFFERENT = 1e-3  # share of hits that may differ (edges, grazing rays of spheres) before it is reported
 
 
@@ -23,7 +24,7 @@ def measure(tracers: list[Any], rays: RaySet, threads: int, rounds: int) -> dict
         made = tracer.calls(rays, threads)
         calls |= made
         hits |= {name: tracer.hits(call()) for name, call in made.items()}
-    seconds = interleave(calls, rounds)
+    seconds = interleave(calls, rounds, PAUSE)
     return {
         "rays": rays.name,
         "threads": threads,
