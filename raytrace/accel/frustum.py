@@ -36,7 +36,8 @@ from raytrace.work_records import Work
 HIGH = 3 * NODE  # from the low planes of a node's boxes to the high ones
 FRUSTUM_ROUNDINGS = 16.0  # machine epsilons of the largest coordinate: twice what rounding moves lines and triangles by
 SHORTEST = 2.0**-10  # of the scene's size: the least distance between the two planes
-NARROW = 6.0  # sides of a usual leaf: where the widths at both ends have a larger sum, packets are faster
+# Sides of a usual leaf: where the widths at both ends have a larger sum, packets are faster. Of nearest hits, of any.
+NARROW, NARROW_ANY = 12.0, 6.0
 
 
 class Line(NamedTuple):
@@ -151,8 +152,8 @@ def planes_between(extent, dominant: int, sense, heights: Heights, size):
 
 
 @inlined
-def make_frusta(extent, dominant: int, sense, count: int, work: Work) -> Frusta:
-    """Frusta of the rays alive of a bundle.
+def make_frusta(extent, dominant: int, sense, count: int, nearest: bool, work: Work) -> Frusta:
+    """Frusta of the rays alive of a bundle, for nearest hits or for any.
 
     The triangle test has the rounding error of sheared vertices, and a line that of the two points that it is computed
     from. Together they are at most 8 machine epsilons of the largest coordinate, because shears are at most 1
@@ -165,7 +166,7 @@ def make_frusta(extent, dominant: int, sense, count: int, work: Work) -> Frusta:
     xl0, xh0, xl1, xh1 = lane_min(x.low0), lane_max(x.high0), lane_min(x.low1), lane_max(x.high1)
     yl0, yh0, yl1, yh1 = lane_min(y.low0), lane_max(y.high0), lane_min(y.low1), lane_max(y.high1)
     leaf = peek(extent, 6)
-    narrow = max(xh0 - xl0, yh0 - yl0) + max(xh1 - xl1, yh1 - yl1) <= leaf * NARROW
+    narrow = max(xh0 - xl0, yh0 - yl0) + max(xh1 - xl1, yh1 - yl1) <= leaf * (NARROW if nearest else NARROW_ANY)
     steepest = max(max(xh1 - xl0, xh0 - xl1), max(yh1 - yl0, yh0 - yl1)) / abs(z1 - z0)
     largest = largest + max(-ends.start_low, ends.start_high) + max(max(-xl0, xh0), max(-yl0, yh0))
     margin = largest * (FRUSTUM_ROUNDINGS * machine_epsilon(work.lanes))

@@ -140,7 +140,7 @@ def trace_collected(tree: Tree, axis, count: int, test, work: Work) -> bool:
     for r in range(count):
         o, d, scale, _, _ = read_bundle_rays(work, r, packet(work.lanes))
         write_rows(work, r, FRAME, make_ray_frame(dominant, o, d, scale))
-    whole, groups, narrow = make_frusta(tree.extent, dominant, sense, count, work)
+    whole, groups, narrow = make_frusta(tree.extent, dominant, sense, count, nearest_first(test), work)
     if narrow:
         axes = Axes(0, 0, 0, 8 * ((dominant + 1) % 3), 8 * ((dominant + 2) % 3), 8 * dominant)
         trace_bundle(tree, Bundle(whole, groups, axes, count, nearest_first(test)), test, work)
