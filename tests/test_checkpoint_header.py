@@ -8,7 +8,7 @@ import pytest
 
 import raytrace as rt
 from raytrace.errors import FileError
-from raytrace.rendering import checkpoint, checkpoint_header
+from raytrace.rendering import checkpoint, checkpoint_header, run
 from raytrace.rendering.checkpoint import FOREIGN, TILING, Checkpoint
 from raytrace.rendering.journal import HEAD, _head
 from same_pictures import assert_same
@@ -37,6 +37,7 @@ def file(tmp_path):
 def always(monkeypatch):
     monkeypatch.setattr(checkpoint, "EVERY", 0.0)
     monkeypatch.setattr(checkpoint, "SHARE", 1e9)
+    monkeypatch.setattr(run, "BATCH", 1 << 14)  # small work items, so that an image has several
 
 
 def records(content):

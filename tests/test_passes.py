@@ -15,19 +15,24 @@ from raytrace.rendering.job import Job
 from raytrace.rendering.progress import ProgressListener
 from raytrace.rendering.run import Run
 from raytrace.rendering.threads import RenderThreads
-from raytrace.rendering.wavefront import BATCH
 from raytrace.scene.plan import make_plan
 from same_pictures import assert_same
 from small_scenes import studio
 
 SIZE = (3 * TILE + 5, 2 * TILE + 3)
 SPP = 24
+ITEM = 1 << 14  # samples of a work item: small, so that the film has several
 ENDS = (2, 8, 16, 24)  # of passes, where the first has two samples
 
 
 @pytest.fixture(scope="module")
 def scene():
     return studio()
+
+
+@pytest.fixture(autouse=True)
+def _small_items(monkeypatch):
+    monkeypatch.setattr(run, "BATCH", ITEM)
 
 
 @pytest.fixture
@@ -39,7 +44,7 @@ def passes(monkeypatch):
 def parts_of_passes(spp=SPP, first=2):
     """How many parts there are up to the end of each pass."""
     pixels = -(-SIZE[0] * SIZE[1] // 16) * 16
-    counts = [len(pieces(pixels, BATCH // (last - begin))) for begin, last in rounds(spp, first, film_tiles.LEAP)]
+    counts = [len(pieces(pixels, ITEM // (last - begin))) for begin, last in rounds(spp, first, film_tiles.LEAP)]
     return list(itertools.accumulate(counts))
 
 
@@ -253,7 +258,7 @@ def test_a_render_that_is_expected_to_take_long_has_passes(scene, monkeypatch):
     assert events[-1].total == parts_of_passes(32, 2)[-1]
     monkeypatch.setattr(RenderThreads, "expected", lambda *_: 1.9)
     rt.render(scene, size=SIZE, spp=32, progress=events.append)
-    assert events[-1].total == len(pieces(-(-SIZE[0] * SIZE[1] // 16) * 16, BATCH // 32))
+    assert events[-1].total == len(pieces(-(-SIZE[0] * SIZE[1] // 16) * 16, ITEM // 32))
 
 
 def test_nothing_is_drawn_to_see_how_long_a_small_image_takes(scene, monkeypatch):

@@ -9,13 +9,19 @@ from raytrace.records import Window
 from raytrace.rendering.film_tiles import TILE, curve, grown, inverse, pieces, rounds
 
 
+def numbers(window):
+    """Pixels along the curve, numbered row by row."""
+    x, y = curve(window)
+    return y * window.width + x
+
+
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (TILE, TILE), (TILE + 1, 2 * TILE - 3), (5, 70)])
 def test_the_curve_holds_every_pixel_once(width, height):
-    assert sorted(curve(Window(3, 4, width, height)).tolist()) == list(range(width * height))
+    assert sorted(numbers(Window(3, 4, width, height)).tolist()) == list(range(width * height))
 
 
 def test_the_curve_goes_through_one_tile_after_the_other():
-    y, x = np.divmod(curve(Window(0, 0, 3 * TILE, 2 * TILE)).reshape(6, -1), 3 * TILE)
+    y, x = np.divmod(numbers(Window(0, 0, 3 * TILE, 2 * TILE)).reshape(6, -1), 3 * TILE)
     assert [*zip(y.min(axis=1).tolist(), x.min(axis=1).tolist(), strict=True)] == [
         (top, left) for top in (0, TILE) for left in (0, TILE, 2 * TILE)
     ]
@@ -24,7 +30,7 @@ def test_the_curve_goes_through_one_tile_after_the_other():
 
 
 def test_sixteen_pixels_that_follow_each_other_are_a_square():
-    y, x = np.divmod(curve(Window(0, 0, TILE, TILE)).reshape(-1, 16), TILE)
+    y, x = np.divmod(numbers(Window(0, 0, TILE, TILE)).reshape(-1, 16), TILE)
     assert (np.ptp(x, axis=1) == 3).all()
     assert (np.ptp(y, axis=1) == 3).all()
 
