@@ -21,7 +21,7 @@ _numbers = itertools.count()
 
 
 class Worker:
-    """A thread that does one piece of work after the other, until it is told to end or the process ends."""
+    """A thread that runs one job after the other. It ends with the process, before a fork, or where too many wait."""
 
     def __init__(self) -> None:
         self.tasks = SimpleQueue[tuple[Work, "Job"] | None]()
