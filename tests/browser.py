@@ -19,6 +19,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PATIENCE = 180  # s: kernels may have to be compiled
 NO_NEWS = {"disabledExtensions": {"@jupyterlab/apputils-extension:announcements": True}}
+NO_BUILD = {"buildCheck": False}  # packages with old extensions of JupyterLab bring a dialog
 
 
 def why_not() -> str:
@@ -52,7 +53,7 @@ def a_lab(folder: Path) -> Iterator[str]:
         port = free.getsockname()[1]
     home, token = folder / ".jupyter", secrets.token_hex(16)
     (home / "labconfig").mkdir(parents=True)
-    (home / "labconfig" / "page_config.json").write_text(json.dumps(NO_NEWS), "utf-8")
+    (home / "labconfig" / "page_config.json").write_text(json.dumps(NO_NEWS | NO_BUILD), "utf-8")
     places = {f"JUPYTER_{name}_DIR": str(home) for name in ("CONFIG", "DATA", "RUNTIME")}
     places["JUPYTERLAB_WORKSPACES_DIR"] = places["JUPYTERLAB_SETTINGS_DIR"] = str(home)
     command = [sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root", f"--ServerApp.port={port}"]

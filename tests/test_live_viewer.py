@@ -211,6 +211,7 @@ def test_there_is_a_slider_for_light_each_glass_and_samples(page):
         "index of glass",
         "index of air",
         "samples per pixel",
+        "hide walls seen from behind",
     ]
 
 
